@@ -190,16 +190,40 @@ class TestTrajectory:
         more = ("--trajectory-times", tmp_path / "times.txt")
         out = run("lookup", drive_mcap, "map", "base", *times, *files, *more)[1]
         assert rows_of(out)[1] == [pytest.approx([7, 8, 9, 0, 0, 0, 1], abs=1e-9)] * 2
+        (tmp_path / "times.txt").write_text("0.00e+00\n1.00e+00\n")  # as in KITTI's own
+        relative = (*files, *more, "--trajectory-start")
+        with pytest.raises(
+            RunError, match="if they count from a start, pass it as `start` or --trajectory-start"
+        ):
+            run("lookup", drive_mcap, "map", "base", *times, *relative[:-1])
+        for start in ("101", "recording"):
+            out = run("lookup", drive_mcap, "map", "base", "--times", "101", *relative, start)[1]
+            assert rows_of(out)[1] == [pytest.approx([7, 8, 9, 0, 0, 0, 1], abs=1e-9)]
+
+    def test_the_tables_of_a_lookup_are_read_back(self, run, drive_mcap, tmp_path):
+        ends = (drive_mcap, "map", "base", "--times", "99", *map(str, range(101, 105)))
+        wanted = rows_of(run("lookup", *ends)[1])
+        for name in ("own.csv", "own.tum"):
+            run("lookup", *ends, "-o", tmp_path / name)
+            own = ("--trajectory", tmp_path / name, "map", "odom", "base")
+            out, err = run("lookup", *ends, *own)[1:]
+            assert "left out" not in err
+            assert rows_of(out)[0] == wanted[0]
+            np.testing.assert_allclose(rows_of(out)[1], wanted[1], rtol=0, atol=1e-12)
 
     def test_what_does_not_fit_is_refused(self, run, drive_mcap, tum):
         own = ("--trajectory", tum, "map", "odom", "base")
         with pytest.raises(UsageError, match="--trajectory-times needs --trajectory"):
             run("lookup", drive_mcap, "map", "base", "--trajectory-times", tum)
+        with pytest.raises(UsageError, match="--trajectory-start needs --trajectory"):
+            run("lookup", drive_mcap, "map", "base", "--trajectory-start", "recording")
         with pytest.raises(UsageError, match="--trajectory needs --path"):
             run("plot", drive_mcap, *own)
         with pytest.raises(RunError, match=r'"robot" .* does not exist'):
             run("lookup", drive_mcap, "map", "base", *own[:-1], "robot")
-        with pytest.raises(RunError, match="/slam/path is neither a file nor a topic of .*type: none"):
+        with pytest.raises(
+            FileNotFoundError, match="neither a file nor a topic of .* are: none: '/slam/path'"
+        ):
             run("explain", drive_mcap, "map", "base", "--trajectory", "/slam/path", *own[2:])
 
 

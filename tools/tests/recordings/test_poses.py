@@ -54,6 +54,21 @@ def test_some_messages_name_their_frames(msgtype, tmp_path):
     }
 
 
+@pytest.mark.parametrize("msgtype", [ODOMETRY, TRANSFORM])
+def test_the_names_in_messages_get_the_prefix_of_their_robot(msgtype, tmp_path):
+    sent = [*drive(prefix="/a"), *series("/a/slam/odom", msgtype, frame="/o", child="b")]
+    path = write_mcap(tmp_path / "run.mcap", sent)
+    topics = {"/a/tf": "a/", "/a/tf_static": "a/"}
+    check(bag.load(path, topics=topics, poses={"/a/slam/odom": None}), "a/o", "a/b")
+    check(bag.load(path, topics=topics, poses={"/a/slam/odom": ("w", "g")}), "w", "g")  # as they are given
+    others = {"x/o": {"/a/slam/odom": "x/"}, "o": {"/a/slam/tf": ""}}
+    others["o"] |= {"/a/tf2": "z/"}  # which of both is not known
+    for parent, more in others.items():
+        buffer = bag.load(path, topics=topics | more, poses={"/a/slam/odom": None})
+        check(buffer, parent, f"{parent[:-1]}b")
+    check(bag.load(path, topics={"/a/tf_static": "a/"}, poses={"/a/slam/odom": None}), "o", "b")
+
+
 def test_several_topics_times_and_frames_that_change(tmp_path):
     messages = [*series("/odom", ODOMETRY), *series("/gps", STAMPED)]
     messages += series("/odom", ODOMETRY, child="b")

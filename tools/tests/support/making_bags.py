@@ -30,6 +30,7 @@ STAMPED = "geometry_msgs/msg/PoseStamped"
 TRANSFORM = "geometry_msgs/msg/TransformStamped"
 PATH = "nav_msgs/msg/Path"
 WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+POSE_ARRAY = "geometry_msgs/msg/PoseArray"
 
 
 class Tf(NamedTuple):
@@ -142,6 +143,16 @@ def slam_path(log_ns, poses, topic="/slam/path", frame="map", ros=2):
     """A nav_msgs/Path of posed STAMPED messages."""
     stamped = [message(one, ros) for one in poses]
     return Sent(log_ns, topic, {"header": header(log_ns, frame, ros), "poses": stamped}, PATH)
+
+
+def pose_array(log_ns, poses, topic="/poses", frame="map"):
+    """A geometry_msgs/PoseArray of posed STAMPED messages, without their stamps."""
+    return Sent(
+        log_ns,
+        topic,
+        {"header": header(log_ns, frame), "poses": [one.content["pose"] for one in poses]},
+        POSE_ARRAY,
+    )
 
 
 STAMPS = [100 * S + i * S // 10 for i in range(20)]

@@ -61,6 +61,7 @@ EXAMPLE = """\
 
 S = 1_000_000_000
 RECORDED = "recorded"  # in place of the name of a URDF
+RECORDING = "recording"  # in place of a time
 JSON = "print one JSON object"  # the help of an option
 # Further paragraphs of the help of commands.
 KINDS_EXPLAINED = "The documentation of tf2_check explains the kinds of problems."
@@ -116,13 +117,17 @@ def _trajectory_of(options: Namespace) -> Trajectory | None:
     """Get the poses that correct the transforms; only some commands have the options."""
     from tf2_ros_tools.recordings.trajectories import Trajectory
 
-    given, times = getattr(options, "trajectory", None), getattr(options, "trajectory_times", None)
+    given: list[str] | None = getattr(options, "trajectory", None)
+    how: dict[str, Any] = {"on_missing": "skip"}
+    for name in ("times", "start"):
+        if (value := getattr(options, f"trajectory_{name}", None)) is not None:
+            how[name] = value
+            if given is None:
+                raise UsageError(f"--trajectory-{name} needs --trajectory")
     if given is None:
-        if times is not None:
-            raise UsageError("--trajectory-times needs --trajectory")
         return None
-    path, parent, child, moving = given[0], *map(_frame, given[1:])
-    return Trajectory(path, parent, child, moving, on_missing="skip", times=times)
+    path, parent, child, moving = given
+    return Trajectory(path, parent, child, moving, **how)
 
 
 # List the contents and the problems of a recording.
@@ -482,11 +487,16 @@ def _add_trajectory(made: Parser) -> None:
         nargs=4,
         metavar=("FILE", "PARENT", "CHILD", "MOVING"),
         help="correct the transforms of the frame CHILD in PARENT by poses of the frame MOVING in PARENT: a "
-        "file in TUM's format, or a topic of the recording with nav_msgs/Path; poses at times "
-        "at which MOVING in CHILD is unknown are left out",
+        "file, such as one in TUM's format or with a heading that names its columns, or a topic of the "
+        "recording; poses at times at which MOVING in CHILD is unknown are left out",
     )
     summary = "the file of --trajectory is in KITTI's format; read its stamps, in seconds, from this file"
     made.add_argument("--trajectory-times", metavar="FILE", help=summary)
+    summary = (
+        "the stamps of these files count from a start: this time, in seconds since 1970, or "
+        f"{RECORDING!r}, the first log time of the recording"
+    )
+    made.add_argument("--trajectory-start", type=_start, metavar="S", help=summary)
 
 
 def _add_file(made: Parser) -> None:
@@ -558,6 +568,10 @@ def _add_when(made: Parser) -> _MutuallyExclusiveGroup:
     summary = "look up at this rate, while all frames on the path have data"
     group.add_argument("--rate", type=positive_number, metavar="HZ", help=summary)
     return group
+
+
+def _start(text: str) -> int | str:
+    return RECORDING if text == RECORDING else nanoseconds(text)
 
 
 def _time(text: str) -> int:

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from tf2_py.printable import printable
 from tf2_py.typing import DurationLike, TimeLike
-from tf2_ros.numpy import to_nanoseconds
 from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages, read_transforms
 from tf2_ros_tools.common.optional_libraries import require
@@ -28,6 +27,7 @@ from tf2_ros_tools.recordings.bag_reader import (
     BagError,
     RawMessage,
     Recorded,
+    as_time_ns,
     is_static,
     listed,
     open_recording,
@@ -96,6 +96,25 @@ class Wanted:
         """The topics whose messages are not transforms themselves."""
         return [*self.poses, *self.robots]
 
+    def prefix_of(self, topic: str) -> str:
+        """
+        Get the prefix of the frames that the messages of a topic with poses name: that of the topic, or that
+        of the transforms in its namespace or in the closest one above.
+        """
+        if topic in self.prefixes:
+            return self.prefixes[topic]
+        found: dict[str, set[str]] = {}
+        for one, prefix in self.prefixes.items():
+            if not is_static(one):
+                found.setdefault(one.rpartition("/")[0], set()).add(prefix)
+        namespace = topic
+        while namespace:
+            namespace = namespace.rpartition("/")[0]
+            if namespace in found:
+                prefixes = found[namespace]
+                return prefixes.pop() if len(prefixes) == 1 else ""
+        return ""
+
 
 def wanted(
     topics: Topics = TOPICS,
@@ -119,7 +138,8 @@ def wanted(
     prefixes = dict(topics) if isinstance(topics, Mapping) else dict.fromkeys(topics, "")
     if not prefixes:
         raise ValueError("topics: expected at least one topic, got none")
-    start_ns, end_ns = _log_time("start", start), _log_time("end", end)
+    start_ns = None if start is None else as_time_ns("start", start)
+    end_ns = None if end is None else as_time_ns("end", end)
     if start_ns is not None and end_ns is not None and end_ns < start_ns:
         raise ValueError(f"end: expected a time after start ({start_ns} ns), got {end_ns} ns")
     given: Mapping[str, Urdf | None] = urdf if isinstance(urdf, Mapping) else {JOINT_STATES: urdf}
@@ -134,15 +154,6 @@ def wanted(
             raise ValueError(f"poses: a frame name must not contain a NUL character, got {frames!r}")
     keyframes = None if trajectory is None else Keyframes(trajectory)
     return Wanted(prefixes, start_ns, end_ns, posed, robots, keyframes)
-
-
-def _log_time(name: str, time: TimeLike | None) -> int | None:
-    try:
-        return None if time is None else int(to_nanoseconds([time])[0])
-    except TypeError:
-        accepted = "nanoseconds as an int, a datetime64, or an object with sec and nanosec"
-        advice = "; round(seconds * 1e9) converts seconds" if isinstance(time, float) else ""
-        raise TypeError(f"{name}: expected {accepted}, got {time!r}{advice}") from None
 
 
 def _robot(urdf: Urdf) -> Robot | None:
@@ -345,6 +356,9 @@ def fill_buffer(
         lost, and one if poses of the trajectory are left out.
     """
     sources = sources_of(recorded, what)
+    keyframes, poses = what.trajectory, None
+    if keyframes is not None:
+        poses = keyframes.read(recorded, what.prefix_of(keyframes.topic or ""))
     robots = {topic: robot or _described(recorded, topic) for topic, robot in what.robots.items()}
     topics = [*(one.topic for one in sources), *(one for one in what.others if one in recorded.topics)]
     total = None if what.limited else sum(recorded.topics[topic].count for topic in topics)
@@ -363,7 +377,11 @@ def fill_buffer(
 
         def insert_converted(sources: Mapping[str, Source]) -> None:
             messages = recorded.checked(recorded.raw(sources, what.start_ns, what.end_ns))
-            insert(converted(messages, sources, recorded.malformed), [*map(MessageSource, sources)])
+            prefixes = {
+                topic: what.prefix_of(topic) for topic in sources if what.poses.get(topic, ()) is None
+            }
+            targets = [MessageSource(topic, False, prefixes.get(topic, "")) for topic in sources]
+            insert(converted(messages, sources, recorded.malformed), targets)
 
         posed = {
             topic: Poses(recorded.topics[topic].msgtype, frames)
@@ -390,7 +408,7 @@ def fill_buffer(
                     f" {first_names(states.names)}, have no positions of the URDF's joints,"
                     f" {first_names(own)}{why}"
                 )
-    unused = [] if what.trajectory is None else what.trajectory.correct(buffer, recorded)
+    unused = [] if keyframes is None or poses is None else keyframes.correct(buffer, poses)
     notes = [
         f"{counted(one.left_out, 'message')} on {printable(topic)} {'is' if one.left_out == 1 else 'are'}"
         f" left out: {one.reason}"
@@ -426,7 +444,8 @@ def sources_of(recorded: Recorded, what: Wanted) -> list[MessageSource]:
     :raises BagError: it has none of them, or one has another type.
     """
     name = printable(recorded.path)
-    found = [topic for topic in what.prefixes if topic in recorded.topics]
+    no_transforms = [*what.others, *([what.trajectory.topic] if what.trajectory else [])]
+    found = [topic for topic in what.prefixes if topic in recorded.topics and topic not in no_transforms]
     for topic in found:
         _check_type(recorded, topic, *TF_TYPES, *foxglove_messages.TYPES)
     for topic, frames in what.poses.items():

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypeVar
 import numpy as np
 
 from tf2_py.printable import printable
+from tf2_py.typing import TimeLike
+from tf2_ros.numpy import to_nanoseconds
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.output import counted
 from tf2_ros_tools.recordings import foxglove_messages
@@ -294,6 +296,20 @@ def _decompressed(messages: Iterable[RawMessage]) -> Iterator[RawMessage]:
 def is_static(topic: str) -> bool:
     """Whether the transforms of a topic are static: whether its last component is ``tf_static``."""
     return topic.rpartition("/")[2] == "tf_static"
+
+
+def as_time_ns(name: str, time: TimeLike) -> int:
+    """
+    Convert a time that a user has passed as an argument.
+
+    :raises TypeError: it is not a time.
+    """
+    try:
+        return int(to_nanoseconds([time])[0])
+    except TypeError:
+        accepted = "nanoseconds as an int, a datetime64, or an object with sec and nanosec"
+        advice = "; round(seconds * 1e9) converts seconds" if isinstance(time, float) else ""
+        raise TypeError(f"{name}: expected {accepted}, got {time!r}{advice}") from None
 
 
 def require_existing(path: Path) -> None:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Turn recorded joint states and poses into TFMessages."""
+"""Read recorded joint states and poses, and turn them into TFMessages."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tf2_py import stored_name
 from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.recordings.bag_reader import RawMessage, typestore
 from tf2_ros_tools.urdf import Robot
@@ -29,6 +30,8 @@ TRANSFORM = "geometry_msgs/msg/TransformStamped"
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 # The types whose messages name both frames.
 NAMED = (ODOMETRY, TRANSFORM)
+# The types with several poses in a message, with and without a stamp for each.
+PATH, POSE_ARRAY = "nav_msgs/msg/Path", "geometry_msgs/msg/PoseArray"
 
 
 class Source:
@@ -110,25 +113,59 @@ class Poses(Source):
 
     def read(self, message: Any) -> tuple[Names, list[float]]:
         """Get the frames and the numbers of a message."""
-        # To tf2, names are C strings.
-        frames = self._frames or (
-            message.header.frame_id.partition("\0")[0],
-            message.child_frame_id.partition("\0")[0],
-        )
+        frames = self._frames or _frames_of(message)
         if not all(frames):
             self.leave_out("frame_id is not set" if frames[1] else "child_frame_id is not set")
             return tuple(frames), []
         self.named = True
-        if self.msgtype == TRANSFORM:
-            p, q = message.transform.translation, message.transform.rotation
-        else:
-            pose = message.pose if self.msgtype == POSES[0] else message.pose.pose
-            p, q = pose.position, pose.orientation
-        return tuple(frames), [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
+        return tuple(frames), _numbers_of(self.msgtype, message)
 
     def poses_of_messages(self, names: Names, numbers: Floats) -> FramesAndPoses:
         """Get the transforms of N messages with these frames."""
         return [(names[0], names[1])], numbers[:, None, :3], numbers[:, None, 3:]
+
+
+def poses_of(msgtype: str, message: Any) -> Iterator[tuple[int, Frames, list[float]]]:
+    """
+    Get the poses of a message that has one or several.
+
+    :return: the stamp in ns, the parent and the child, and x y z qx qy qz qw of each. A frame that the
+        message does not name is empty.
+    :raises ValueError: a path and one of its poses are in different frames.
+    """
+    frames, stamp_ns = _frames_of(message), _stamp_of(message)
+    if msgtype == PATH:
+        for i, one in enumerate(message.poses, 1):
+            parent, _ = _frames_of(one)
+            if parent and frames[0] and stored_name(parent) != stored_name(frames[0]):
+                raise ValueError(f"the path is in {frames[0]!r}, but its pose {i} is in {parent!r}")
+            yield _stamp_of(one), (parent or frames[0], ""), _numbers_of(POSES[0], one)
+    elif msgtype == POSE_ARRAY:
+        for pose in message.poses:
+            yield stamp_ns, frames, _numbers(pose.position, pose.orientation)
+    else:
+        yield stamp_ns, frames, _numbers_of(msgtype, message)
+
+
+def _frames_of(message: Any) -> Frames:
+    # To tf2, names are C strings.
+    child = getattr(message, "child_frame_id", "")
+    return message.header.frame_id.partition("\0")[0], child.partition("\0")[0]
+
+
+def _stamp_of(message: Any) -> int:
+    return int(message.header.stamp.sec * S + message.header.stamp.nanosec)
+
+
+def _numbers_of(msgtype: str, message: Any) -> list[float]:
+    if msgtype == TRANSFORM:
+        return _numbers(message.transform.translation, message.transform.rotation)
+    pose = message.pose if msgtype == POSES[0] else message.pose.pose
+    return _numbers(pose.position, pose.orientation)
+
+
+def _numbers(p: Any, q: Any) -> list[float]:
+    return [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
 
 
 def converted(
@@ -155,9 +192,8 @@ def converted(
             except Exception as error:  # rosbags defines an error class only for some kinds of damage
                 on_malformed(connection.topic, log_ns, error)
                 continue
-            stamp = message.header.stamp
             if len(numbers):
-                entry = i, stamp.sec * S + stamp.nanosec, numbers
+                entry = i, _stamp_of(message), numbers
                 alike.setdefault((connection.topic, names), []).append(entry)
         for (topic, names), own in alike.items():
             indices, stamps_ns, rows = zip(*own, strict=True)

@@ -2,31 +2,36 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Correct a recording by a trajectory, the poses at keyframes that a SLAM has exported or published."""
 
+import errno
 import os
-from argparse import ArgumentTypeError
+from array import array
+from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
-from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tf2_py import BufferCore, ExtrapolationException, TransformException, stored_name
 from tf2_py.printable import printable
+from tf2_py.typing import TimeLike
 from tf2_ros.correction import correct
-from tf2_ros.numpy import to_nanoseconds
-from tf2_ros_tools.common.options import nanoseconds
+from tf2_ros.numpy import to_matrix
 from tf2_ros_tools.common.output import counted
-from tf2_ros_tools.recordings.bag_reader import BagError, Recorded, listed, typestore
+from tf2_ros_tools.recordings.bag_reader import BagError, Raw, Recorded, as_time_ns, listed, typestore
+from tf2_ros_tools.recordings.joints_and_poses import NAMED, PATH, POSE_ARRAY, POSES, poses_of
+from tf2_ros_tools.recordings.pose_files import LAST_NS, StampedPoses, read_kitti, read_table, read_times
 
-# The stamps of N poses in ns, and the poses in one of the forms that `correct` takes.
-Stamped: TypeAlias = tuple[NDArray[np.int64], Any]
-
+S = 1_000_000_000
 # How far a stamp may be from the one that was rounded: many programs write microseconds.
 ROUNDED_NS = 1_000
-PATH = "nav_msgs/msg/Path"
+SAME = 1e-9  # poses are the same if no number of their matrices differs by more, as for `correct`
+BEFORE_CLOCKS_NS = 10**8 * S  # in 1973: earlier stamps are relative, or of a simulation
+# The types of topics with poses.
+TYPES = (PATH, *NAMED, *POSES, POSE_ARRAY)
+RECORDING = "recording"  # as a start
 
 
 @dataclass(frozen=True)
@@ -36,13 +41,16 @@ class Trajectory:
 
     :param path: one of
 
-        - a file in the format of the TUM RGB-D benchmark, which evo and most SLAMs write: lines of stamp
-          (seconds) x y z (meters) qx qy qz qw, with spaces or commas in between, in any order. Empty lines,
-          those that begin with ``#``, and a first line of names have no pose;
+        - a file with a row for each pose, in any order. Its columns are separated by commas or white space.
+          A first line that names them, with or without ``#``, decides which is which, and in which unit; see
+          the page about recordings. Without it, a row has 8 numbers, as in the format of the TUM RGB-D
+          benchmark, which evo and most SLAMs write: stamp (seconds) x y z (meters) qx qy qz qw;
         - with ``times``, a file in the format of KITTI: lines of 12 numbers, the first three rows of a
           homogeneous matrix, in meters;
-        - a topic of the recording of type ``nav_msgs/Path``: a str that begins with ``/``, if no file has
-          this name. Its last message counts, whatever ``start`` and ``end`` are.
+        - a topic of the recording, if no file has this name: a str. Of a ``nav_msgs/Path``, the last message
+          counts. All messages count of ``nav_msgs/Odometry``, ``geometry_msgs/PoseStamped``,
+          ``geometry_msgs/PoseWithCovarianceStamped`` and ``geometry_msgs/TransformStamped``, whatever the
+          ``start`` and ``end`` of ``load`` are. The last ``geometry_msgs/PoseArray`` counts, with ``times``.
 
     :param parent: the frame in which the poses are given, such as ``map``.
     :param child: the frame whose transform from ``parent`` is replaced, such as ``odom``.
@@ -50,11 +58,14 @@ class Trajectory:
     :param before: see :func:`tf2_ros.correction.correct`.
     :param after: see the same function.
     :param on_missing: see the same function. At least one pose must be used.
-    :param times: a file with a line for each pose in ``path``, its stamp in seconds on the clock of the
-        recording; only for KITTI.
-    :raises TypeError: the name of a frame is not a str.
+    :param times: a file with a line for each pose in ``path``, its stamp in seconds, or in the unit that its
+        heading names, such as ``timestamp [ns]``; only for KITTI and ``PoseArray``.
+    :param start: a time that is added to all stamps of files, if they count from a start; ``"recording"``:
+        the first log time of the recording. None: they are those of the recording's clock.
+    :raises TypeError, ValueError: the name of a frame is not a str, or ``start`` is not a time.
 
-    A pose up to 1 µs from the first or the last odometry is used there, because its stamp may be rounded.
+    The pose that is closest to the first odometry is used there if it is at most 1 µs away, because its stamp
+    may be rounded; and so at the last one.
     """
 
     path: str | PathLike[str]
@@ -65,18 +76,25 @@ class Trajectory:
     after: Literal["keep", "hold"] = "hold"
     on_missing: Literal["raise", "skip"] = "raise"
     times: str | PathLike[str] | None = None
+    start: TimeLike | Literal["recording"] | None = None
 
     def __post_init__(self) -> None:
         for name in ("parent", "child", "moving"):
             if not isinstance(frame := getattr(self, name), str):
                 raise TypeError(f"{name}: expected a str, the name of a frame, got {frame!r}")
+        if isinstance(self.start, str):
+            if self.start != RECORDING:
+                raise ValueError(f"start: expected a time or {RECORDING!r}, got {self.start!r}")
+        elif self.start is not None:
+            as_time_ns("start", self.start)
 
 
 class Keyframes:
     """
-    The poses of a trajectory: what its files contain now, or the topic of a recording.
+    The poses of a trajectory: what its files contain now, or a topic of recordings.
 
-    ``child`` is the frame whose transforms they replace, as buffers store its name.
+    ``child`` is the frame whose transform they replace, as buffers store its name. ``topic`` has the poses;
+    None: a file does.
 
     :raises TypeError: it is not a ``Trajectory``.
     :raises FileNotFoundError, OSError: a file cannot be read.
@@ -87,27 +105,122 @@ class Keyframes:
         if not isinstance(trajectory, Trajectory):
             raise TypeError(f"trajectory: expected a Trajectory, got {type(trajectory).__name__}")
         self._trajectory, path, times = trajectory, trajectory.path, trajectory.times
-        self.child = stored_name(trajectory.child)
         self._name = printable(os.fspath(path))
-        self._in_files: Stamped | None = None
-        if times is None and isinstance(path, str) and path.startswith("/") and not os.path.exists(path):
-            return  # it is a topic
-        content = Path(path).read_bytes()
-        if times is None:
-            self._in_files = _tum(self._name, content)
-        else:
-            stamps = Path(times).read_bytes()
-            self._in_files = _kitti(self._name, content, printable(os.fspath(times)), stamps)
+        self.child = stored_name(trajectory.child)
+        self.topic = path if isinstance(path, str) and not os.path.exists(path) else None
+        self._in_files: StampedPoses | None = None
+        self._times_ns: NDArray[np.int64] | None = None
+        if self.topic is None:
+            self._in_files = read_table(path) if times is None else read_kitti(path, times)
+        elif times is not None:
+            self._times_ns = read_times(times)
 
-    def correct(self, buffer: BufferCore, recorded: Recorded) -> list[str]:
+    def read(self, recorded: Recorded, prefix: str = "") -> StampedPoses:
+        """
+        Get the poses for a recording.
+
+        :param prefix: of the frames of the topic, if their names are those of the recording.
+        :raises FileNotFoundError: there is neither a file nor a topic with this name.
+        :raises BagError: the topic has no such poses, or a stamp is too large.
+        """
+        poses = self._in_files or self._of_topic(recorded, prefix)
+        start = self._trajectory.start
+        if start is None:
+            return poses
+        if self._in_files is None and self._times_ns is None:
+            raise BagError(f"{poses.name}: `start` is for the stamps of files, which may count from a start")
+        start_ns = recorded.start_ns or 0
+        if not isinstance(start, str):
+            start_ns = as_time_ns("start", start)
+        late = np.flatnonzero(poses.times_ns > LAST_NS - start_ns)
+        if late.size:
+            place, stamp = poses.place(late[0]), _seconds(poses.times_ns[late[0]])
+            raise BagError(f"{place}: the stamp {stamp} is too large to count from {_seconds(start_ns)}")
+        return replace(poses, times_ns=poses.times_ns + start_ns)
+
+    def _of_topic(self, recorded: Recorded, prefix: str) -> StampedPoses:
+        topic, msgtype = str(self.topic), self._type_of_topic(recorded)
+        name, read = f"{printable(recorded.path)}, topic {printable(topic)}", typestore().deserialize_cdr
+        messages: Iterable[tuple[int, Raw]]
+        if has_several := msgtype in (PATH, POSE_ARRAY):
+            last = recorded.last(topic)
+            messages = [] if last is None else [last]
+        else:
+            messages = ((log_ns, raw) for _, log_ns, raw in recorded.checked(recorded.raw([topic])))
+        of, stamps_ns, rows = "pose" if has_several else "message", array("q"), array("d")
+        for log_ns, raw in messages:
+            try:
+                poses = [*poses_of(msgtype, read(raw, msgtype))]
+            except Exception as error:  # rosbags defines an error class only for some kinds of damage
+                recorded.malformed(topic, log_ns, error)
+            for stamp_ns, frames, numbers in poses:
+                stamps_ns.append(stamp_ns)
+                rows.extend(numbers)
+                self._check_frames(f"{name}, {of} {len(stamps_ns)}", frames, prefix)
+        count = len(stamps_ns)
+        if not count:
+            has_messages = recorded.topics[topic].count > 0
+            raise BagError(
+                f"{name}: {'its last message has no poses' if has_messages else 'it has no messages'}"
+            )
+        times_ns = np.array(stamps_ns) if self._times_ns is None else self._times_ns
+        if len(times_ns) != count:
+            times = printable(os.fspath(self._trajectory.times or ""))
+            raise BagError(
+                f"expected a stamp for each of the {count} poses in {name}, got {len(times_ns)} in {times}"
+            )
+        translations, rotations = np.split(np.array(rows).reshape(-1, 7), [3], axis=1)
+        found = StampedPoses(name, of, np.arange(1, count + 1), times_ns, translations, rotations)
+        found.check()
+        return found
+
+    def _type_of_topic(self, recorded: Recorded) -> str:
+        topic, path = str(self.topic), printable(recorded.path)
+        if topic not in recorded.topics:
+            others = listed(one.name for one in recorded.topics.values() if one.msgtype in TYPES)
+            raise FileNotFoundError(
+                errno.ENOENT,
+                f"neither a file nor a topic of {path}, whose topics with poses are: {others}",
+                topic,
+            )
+        msgtype = recorded.topics[topic].msgtype
+        if msgtype not in TYPES:
+            raise BagError(
+                f"{path}, topic {printable(topic)}: expected the type {', '.join(TYPES[:-1])} or {TYPES[-1]},"
+                f" got {printable(msgtype)}"
+            )
+        if (msgtype == POSE_ARRAY) != (self._times_ns is not None):
+            text = "poses of a PoseArray have no stamps: `times` or --trajectory-times is a file with them"
+            if self._times_ns is not None:
+                text = f"the poses of a {msgtype} have stamps; `times` is not for them"
+            raise BagError(f"{path}, topic {printable(topic)}: {text}")
+        return msgtype
+
+    def _check_frames(self, where: str, frames: tuple[str, str], prefix: str) -> None:
+        """Refuse a pose whose frames, unless they are empty, are not those of the trajectory."""
+        for given, wanted, role in zip(
+            frames, (self._trajectory.parent, self._trajectory.moving), ("parent", "moving"), strict=True
+        ):
+            named = stored_name(given)
+            if named and stored_name(wanted) not in (named, prefix + named):
+                kind = "in" if role == "parent" else "of"
+                raise BagError(
+                    f"{where}: expected a pose {kind} {wanted!r}, got one {kind} {prefix + named!r}; to use"
+                    f" it, pass this name as {role}"
+                )
+
+    def correct(self, buffer: BufferCore, poses: StampedPoses) -> list[str]:
         """
         Correct the buffer of a recording.
 
+        :param poses: those that :meth:`read` has returned.
         :return: a sentence if poses are left out.
         :raises BagError: a pose cannot be used, or none can; or the frames are wrong.
         """
-        one, (times_ns, poses) = self._trajectory, self._poses(buffer, recorded)
-        what = buffer, one.parent, one.child, one.moving, times_ns, poses
+        one, times_ns = self._trajectory, self._at_ends(buffer, poses.times_ns)
+        repeats, different = _of_equal_stamps(poses, skips=one.on_missing == "skip")
+        self._refuse_relative(buffer, poses)
+        what = buffer, one.parent, one.child, one.moving, times_ns, (poses.translations, poses.rotations)
         how: dict[str, Any] = {"before": one.before, "after": one.after}
         none = ""
         try:
@@ -115,101 +228,91 @@ class Keyframes:
             if not used:
                 none = "none of its poses can be used: "
                 correct(*what, **how)  # says why
-        except (TransformException, ValueError, OverflowError) as error:
-            may_skip = one.on_missing == "raise" and isinstance(error, ExtrapolationException)
-            advice = '; on_missing="skip" leaves such poses out' * may_skip
-            first = " (times[0] is that of its first pose)" * ("times[" in str(error))
-            raise BagError(f"{self._name}: {none}{error}{first}{advice}") from error
-        different = len(np.unique(times_ns))  # equal poses at one stamp are one
-        left_out, count = different - used, counted(different, "pose")
+        except (TransformException, ValueError) as error:
+            self._refuse(buffer, replace(poses, times_ns=times_ns), none, error)
+        left_out, unset = len(poses) - repeats - used, int((times_ns == 0).sum())
         if not left_out:
             return []
+        reasons = [f"{printable(one.moving)} in {printable(one.child)} is not known then or no longer kept"]
+        reasons = reasons * (left_out > unset + different)
+        reasons += ["the stamp is 0"] * bool(unset) + ["others with the same stamp differ"] * bool(different)
         are = "is" if left_out == 1 else "are"
-        why = f"{printable(one.moving)} in {printable(one.child)} is not known then or no longer kept"
-        why += " or the stamp is 0" * bool((times_ns == 0).any())
-        why += " or others with the same stamp differ" * (different < len(times_ns))
-        return [f"{left_out} of the {count} in {self._name} {are} left out, because {why}"]
+        of = f"{left_out} of the {counted(len(poses), 'pose')} in {self._name}"
+        return [f"{of} {are} left out, because {' or '.join(reasons)}"]
 
-    def _poses(self, buffer: BufferCore, recorded: Recorded) -> Stamped:
-        """Get the poses, with the stamps that were rounded at the ends of the odometry."""
-        times_ns, poses = self._in_files or _of_topic(recorded, self._name, self._trajectory.parent)
+    def _at_ends(self, buffer: BufferCore, times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Move the closest times to the ends of the odometry, if their stamps may be rounded."""
+        times_ns = times_ns.copy()
         with suppress(TransformException):  # there is no odometry
             for end_ns in buffer.time_range(self._trajectory.child, self._trajectory.moving):
-                times_ns = np.where(abs(times_ns - end_ns) <= ROUNDED_NS, end_ns, times_ns)
-        return times_ns, poses
+                closest_ns = times_ns[np.abs(times_ns - end_ns).argmin()]
+                if abs(closest_ns - end_ns) <= ROUNDED_NS:
+                    times_ns[times_ns == closest_ns] = end_ns
+        return times_ns
+
+    def _refuse_relative(self, buffer: BufferCore, poses: StampedPoses) -> None:
+        """Refuse stamps of a file that count from a start which is not known."""
+        last_ns = int(poses.times_ns.max())
+        if self._trajectory.start is not None or poses.of != "line" or last_ns > BEFORE_CLOCKS_NS:
+            return
+        with suppress(TransformException):  # there is no odometry
+            begin_ns, _ = buffer.time_range(self._trajectory.child, self._trajectory.moving)
+            if last_ns < begin_ns:
+                raise BagError(
+                    f"{poses.name}: its stamps end at {_seconds(last_ns)}, but the odometry begins at"
+                    f" {_seconds(begin_ns)}; if they count from a start, pass it as `start` or"
+                    " --trajectory-start"
+                )
+
+    def _refuse(self, buffer: BufferCore, poses: StampedPoses, none: str, error: Exception) -> NoReturn:
+        """Raise the BagError for an error of ``correct``, with the place of the pose that it is about."""
+        one = self._trajectory
+        place, reason = poses.name, str(error)
+        is_missing = isinstance(error, ExtrapolationException)
+        unset = np.flatnonzero(poses.times_ns == 0)
+        if unset.size:
+            place, reason = poses.place(unset[0]), "its stamp is 0, which means that it is not set"
+        elif is_missing:
+            found = buffer.lookup_matrices(one.child, one.moving, poses.times_ns, on_missing="nan")
+            first = int(np.isnan(found[:, 0, 0]).argmax())
+            place = poses.place(first)
+            try:
+                buffer.lookup_transform_core(one.child, one.moving, int(poses.times_ns[first]))
+            except TransformException as exact:  # without an index
+                reason = str(exact)
+        elif "times[" in reason:
+            reason += " (times[0] is that of its first pose)"
+        advice = ""
+        if one.on_missing == "raise" and (unset.size or is_missing):
+            advice = '; on_missing="skip" leaves such poses out'
+        raise BagError(f"{place}: {none}{reason}{advice}") from error
 
 
-def _of_topic(recorded: Recorded, topic: str, parent: str) -> Stamped:
-    """Read the last path on a topic."""
-    name = f"{printable(recorded.path)}, topic {printable(topic)}"
-    paths = [one.name for one in recorded.topics.values() if one.msgtype == PATH]
-    if topic not in paths:
+def _of_equal_stamps(poses: StampedPoses, *, skips: bool) -> tuple[int, int]:
+    """
+    Count the poses that repeat an earlier one with the same stamp, and those that others with the same stamp
+    differ from.
+
+    :param skips: count the latter. Otherwise, they are a BagError.
+    """
+    rows = np.arange(len(poses))
+    own = np.where(poses.times_ns == 0, -1 - rows, poses.times_ns)  # no stamp is not an equal one
+    _, first, group = np.unique(own, return_index=True, return_inverse=True)
+    matrices = to_matrix((poses.translations, poses.rotations))
+    differs = np.abs(matrices - matrices[first[group]]).max(axis=(1, 2)) > SAME
+    if differs.any() and not skips:
+        other = int(differs.argmax())
+        one = int(first[group[other]])
+        distance = np.linalg.norm(poses.translations[other] - poses.translations[one])
+        cosine = (np.trace(matrices[one, :3, :3].T @ matrices[other, :3, :3]) - 1.0) / 2.0
+        angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
         raise BagError(
-            f"{printable(topic)} is neither a file nor a topic of {printable(recorded.path)} with {PATH};"
-            f" its topics with this type: {listed(paths)}"
+            f"{poses.place(one, other)}: both stamps are {_seconds(int(poses.times_ns[one]))}, but the poses"
+            f' are {distance:.3g} m and {angle:.3g} degrees apart; on_missing="skip" leaves them out'
         )
-    last = recorded.last(topic)
-    if last is None:
-        raise BagError(f"{name}: it has no messages")
-    log_ns, raw = last
-    try:
-        path: Any = typestore().deserialize_cdr(raw, PATH)
-    except Exception as error:  # rosbags defines an error class only for some kinds of damage
-        recorded.malformed(topic, log_ns, error)
-    frame = path.header.frame_id
-    if frame.removeprefix("/") != parent.removeprefix("/"):
-        raise BagError(f"{name}: expected poses in {parent!r}, got poses in {frame!r}")
-    if not path.poses:
-        raise BagError(f"{name}: its last message has no poses")
-    return to_nanoseconds([pose.header.stamp for pose in path.poses]), path.poses
+    is_different = np.isin(group, group[differs])
+    return int((~is_different & (first[group] != rows)).sum()), int(is_different.sum())
 
 
-# Read files.
-
-
-STAMP = "a stamp in seconds"
-TUM = f"8 numbers, {STAMP} and x y z qx qy qz qw"
-KITTI = "12 numbers, the first three rows of a matrix"
-
-
-def _tum(name: str, content: bytes) -> Stamped:
-    times_ns, numbers = _read(name, content, TUM, 1, 7)
-    return times_ns, (numbers[:, :3], numbers[:, 3:])
-
-
-def _kitti(name: str, content: bytes, times: str, stamps: bytes) -> Stamped:
-    _, rows = _read(name, content, KITTI, 0, 12)
-    times_ns, _ = _read(times, stamps, f"one number, {STAMP}", 1, 0)
-    if len(times_ns) != len(rows):
-        raise BagError(
-            f"expected a stamp for each of the {len(rows)} poses in {name}, got {len(times_ns)} in {times}"
-        )
-    matrices = np.zeros((len(rows), 4, 4))
-    matrices[:, :3] = rows.reshape(-1, 3, 4)
-    matrices[:, 3, 3] = 1.0
-    return times_ns, matrices
-
-
-def _read(
-    name: str, content: bytes, expected: str, stamps: int, others: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Read a table whose lines begin with stamps; shapes (N,), if there is one in each, and (N, others)."""
-    times_ns: list[int] = []
-    rows: list[list[float]] = []
-    for number, line in enumerate(content.decode("utf-8-sig", "replace").splitlines(), 1):
-        text = line.strip()
-        fields = text.replace(",", " ").split()
-        is_heading = not rows and not any(map(str.isdigit, text))
-        if not fields or text.startswith("#") or is_heading:
-            continue
-        try:
-            times_ns += map(nanoseconds, fields[:stamps])
-            rows.append([*map(float, fields[stamps:])])
-        except (ValueError, ArgumentTypeError):
-            rows.append([])
-        if len(rows[-1]) != others or len(fields) != stamps + others or not np.isfinite(rows[-1]).all():
-            advice = "; KITTI's poses need `times` or `--trajectory-times`" * (len(fields) == 12)
-            raise BagError(f"{name}, line {number}: expected {expected}, got {printable(text)!r}{advice}")
-    if not rows:
-        raise BagError(f"{name}: expected lines of {expected}; there are none")
-    return np.array(times_ns, np.int64), np.array(rows)
+def _seconds(time_ns: int) -> str:
+    return f"{time_ns // S}.{time_ns % S:09d} s"

@@ -1,0 +1,308 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Files of poses: those that are read, and what is said about the others."""
+
+import random
+import subprocess
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from pose_file_forms import FORMS, Poses, kitti, seconds, shuffled, table, tum
+
+from tf2_ros.numpy import to_matrix
+from tf2_ros_tools.bag import BagError
+from tf2_ros_tools.recordings.pose_files import read_kitti, read_table, read_times
+
+S = 1_000_000_000
+TUM = "timestamp tx ty tz qx qy qz qw"
+
+
+def some_poses(count=5, seed=0):
+    numbers = np.random.default_rng(seed)
+    rotations = numbers.normal(size=(count, 4))
+    rotations /= np.linalg.norm(rotations, axis=1)[:, None]
+    times_ns = 1_403_636_579_763_555_584 + np.cumsum(numbers.integers(1, S, count))
+    return Poses(times_ns, numbers.normal(size=(count, 3)) * [5e6, 10, 0.01], rotations)
+
+
+POSES = some_poses()
+
+
+def check(found, poses=POSES, atol=1e-9):
+    order = np.argsort(found.times_ns)
+    assert found.times_ns[order].tolist() == poses.times_ns
+    matrices = to_matrix((found.translations, found.rotations))[order]
+    assert_allclose(matrices, poses.matrices(), rtol=0, atol=atol)
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read(text, times=None):
+        path = tmp_path / "poses.txt"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        if times is None:
+            return read_table(path)
+        (tmp_path / "times.txt").write_text(times)
+        return read_kitti(path, tmp_path / "times.txt")
+
+    return read
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_the_poses_are_the_same_in_each_form(read, form):
+    check(read(FORMS[form](POSES)))
+
+
+@given(st.permutations(range(11)), st.integers(0, 2**32))
+def test_a_heading_decides_in_any_order_of_the_columns(tmp_path_factory, order, seed):
+    path = tmp_path_factory.getbasetemp() / "shuffled.csv"
+    path.write_text(shuffled(POSES, order, random.Random(seed)), encoding="utf-8")
+    check(read_table(path))
+
+
+def test_kitti_has_the_stamps_in_another_file(read):
+    times = "".join(f"{seconds(ns)}\n" for ns in POSES.times_ns)
+    check(read(kitti(POSES), times))
+    rounded = Poses(POSES.times_ns, POSES.translations / 1000, POSES.rotations)
+    check(read(kitti(rounded, 6), times), rounded, atol=1e-3)
+    in_ns = "".join(f"{ns},{ns}.png\n" for ns in POSES.times_ns)
+    check(read(kitti(POSES), f"#timestamp [ns],filename\n{in_ns}"))
+
+
+def test_a_stamp_keeps_all_its_digits(read):
+    stamps = {
+        "101.123456789": 101_123_456_789,
+        "1.02e2": 102 * S,
+        "1.403715529112143517e+09": 1_403_715_529_112_143_517,
+        "2147483647.999999999": 2**31 * S - 1,
+        "0": 0,
+        "0.0000000004": 0,
+    }
+    found = read("".join(f"{stamp} 1 2 3 0 0 0 1\n" for stamp in stamps))
+    assert found.times_ns.tolist() == [*stamps.values()]
+
+
+def test_rows_without_a_pose_are_left_out_if_the_table_says_so(read):
+    heading = "stamp_ns,x,y,z,qx,qy,qz,qw,valid,gap\n"
+    found = read(f"{heading}{S},nan,nan,nan,nan,nan,nan,nan,false,nan\n{2 * S},1,2,3,0,0,0,1,true,0.1\n")
+    assert (found.times_ns.tolist(), found.numbers.tolist()) == ([2 * S], [3])
+
+
+@pytest.mark.parametrize(
+    "comment",
+    [
+        "# the time of the camera",
+        "# t and x",
+        "# https://example.org/t?x=1",
+        "#",
+        "####",
+        "# 1.0 9 9 9 0 0 0 1",
+        f"# {TUM}\n# by {TUM[:12]}",
+        f"# format: {TUM}",
+    ],
+)
+def test_other_comments_do_not_matter(read, comment):
+    text = tum(POSES)
+    check(read(f"{comment}\n{text}"))
+    if TUM not in comment:
+        check(read(text.replace("\n", f"\n{comment}\n")))
+
+
+ROW = "1 2 3 4 0 0 0 1"
+EUROC = "p_RS_R_x p_RS_R_y p_RS_R_z q_RS_x q_RS_y q_RS_z q_RS_w"
+# What the error says after the name of the file.
+REFUSED = {
+    "": ": expected lines of 8 numbers, a stamp in seconds and x y z qx qy qz qw; there are none",
+    "# only a comment\n": ": expected lines of 8 numbers.*; there are none",
+    f"{TUM}\n": ": expected lines of 8 numbers.*; there are none",
+    "1 2 3\n": "line 1: expected 8 numbers, .*, got '1 2 3'; poses need a position and a rotation$",
+    f"{ROW}\n1 2 3 4 0 0\n": "line 2: expected 8 numbers, .* the row is cut off$",
+    f"{TUM}\n{ROW}\n1 2 3 4 0 0\n": "line 3: the row is cut off before qz, qw: '1 2 3 4 0 0'$",
+    f"{TUM}\n{ROW} 9\n": "line 2: expected at most the 8 columns of the heading, got 9$",
+    f"{ROW} 9\n": f"line 1: expected 8 numbers.*; add a first line .*, such as: {TUM} and further names$",
+    f"{ROW}\n{TUM}\n": "line 2: expected 8 numbers",
+    f"{ROW}\n# timestamp tx ty tz qw qx qy qz\n": "line 2: the heading differs from what is before it$",
+    f"# {TUM}\n# timestamp [ms] tx ty tz qx qy qz qw\n": "line 2: the heading differs",
+    "1 0 0 0 0 0 nan 1\n": "line 1: qz: expected a finite number, got 'nan'$",
+    "1 0 inf 0 0 0 0 1\n": "line 1: ty: expected a finite number, got 'inf'$",
+    "NaN 0 0 0 0 0 0 1\n": "line 1: timestamp: expected a finite number, got 'NaN'$",
+    f"{TUM}\n1 0 0 0 0 0 - 1\n": "line 2: qz: expected a finite number, got '-'$",
+    f"{TUM.replace(' ', ',')}\n1,0,0,0,0,0,,1\n": "line 2: qz: expected a finite number, got ''$",
+    "-1 0 0 0 0 0 0 1\n": "line 1: expected a stamp of 0 or more, got -1$",
+    "1e40 0 0 0 0 0 0 1\n": "line 1: the stamp 1e40 is too large: messages cannot hold 1e\\+40 s$",
+    "2147483648 0 0 0 0 0 0 1\n": "line 1: the stamp 2147483648 is too large",
+    "1 9 9 9 0 0 0 0\n": "line 1: expected a rotation of length 1, got the length 0; if the columns ",
+    "1 0 0 0 1 5 5 5\n": f"line 1: expected a rotation of length 1, got the length 8.72; .*, such as: {TUM}$",
+    f"{TUM}\n1 0 0 0 1 5 5 5\n": "line 2: expected a rotation of length 1, got the length 8.72$",
+    "1 0 0 0 1e200 0 0 0\n": "line 1: expected a rotation of length 1, got the length inf",
+    "time x y z\n": "line 1: the heading has no column for qx, qy, qz, qw; its names are like timestamp tx",
+    "# time x y z\n": "line 1: the heading has no column for qx, qy, qz, qw; its names are like timestamp tx",
+    "# id x y z qx qy qz qw\n0 0 0 0 0 0 0 1\n": "line 1: the heading has no column for timestamp; ",
+    "#timestamp_kf,x,y,z,qw,qx,qy,qz\n": "line 1: the heading has no column for timestamp; ",
+    f"{TUM} time\n": "line 1: the heading has several columns for timestamp: timestamp, time$",
+    "t x y z px qx qy qz qw\n": "line 1: the heading has several columns for tx: x, px$",
+    "timestamp,nsec,x,y,z,qx,qy,qz,qw\n": "line 1: .* several columns for timestamp: timestamp, nsec$",
+    "sec,nsec,x,y,z,qx,qy,qz,qw\n1,1000000000,0,0,0,0,0,0,1\n": "line 2: expected 0 to 999999999 nanoseconds",
+    "sec,x,y,z,qx,qy,qz,qw,nsec\n1,0,0,0,0,0,0,1\n": "line 2: the row is cut off before nanoseconds",
+    "t [h] x y z qx qy qz qw\n": r"line 1: the unit of the column t\[h\] is not one of ns, .*, seconds$",
+    "t x[ft] y z qx qy qz qw\n": r"line 1: the unit of the column x\[ft\] is not one of m, .*, mm$",
+    "t x y z qx [deg] qy qz qw\n": r"line 1: the unit of the column qx\[deg\] is not one of ",
+    "hello world\n": f"line 1: expected 8 numbers.*, got 'hello world'; the names of columns are like {TUM}$",
+    "{\n": "line 1: expected 8 numbers",
+    "<xml>\n": "line 1: expected 8 numbers",
+    "PK\3\4\0\0": "line 1: expected a text in UTF-8, got binary data$",
+    ROW.encode("utf-16"): "line 1: expected a text in UTF-8, got binary data$",
+    b"\x1f\x8b\x08\xff\xfe\n": "line 1: expected 8 numbers",
+    f"{ROW}\n{'1' * 20000}": "line 2: expected at most 16,384 characters$",
+    "x\x1b[2J\n": r"line 1: .*\\x1b",
+    f"# {TUM}\n{TUM}\n": "line 2: timestamp: expected a finite number, got 'timestamp'$",
+    f"# timestamp {EUROC}\n1.5 0 0 0 0 0 0 1\n": "line 2: in EuRoC's format, stamps are in ns, but 1.5 is not"
+    r"; name its unit in the heading, such as: timestamp \[s\]$",
+}
+
+
+@pytest.mark.parametrize("text", REFUSED, ids=lambda text: repr(text[:40]))
+def test_what_is_not_understood_is_refused_in_one_line(read, text):
+    with pytest.raises(BagError, match=f"poses.txt(, )?{REFUSED[text]}") as raised:
+        read(text)
+    assert str(raised.value).isprintable()
+
+
+WRONG_OF_KITTI = {
+    "1 0 0 0 0 1 0 0 0 0 1\n": "line 1: expected 12 numbers, the first three rows of a matrix, got",
+    f"{ROW}\n": "line 1: expected 12 numbers.*; a file that has the stamps is read without `times`$",
+    "1 0 0 0 0 1 0 0 0 0 1 nan\n": "line 1: row 3, column 4: expected a finite number, got 'nan'$",
+    "1 0 0 0 0 1 0 0 0 0 2 0\n": "line 1: the numbers are not a rotation matrix and a position$",
+    "1 0 0 0 0 1 0 0 0 0 -1 0\n": "line 1: the numbers are not a rotation matrix and a position$",
+    "1e200 0 0 0 0 1 0 0 0 0 1 0\n": "line 1: the numbers are not a rotation matrix and a position$",
+    "1 0 0 0 0 1 0 0 0 0 1 0\n" * 2: "a stamp for each of the 2 poses in .*poses.txt, got 1 in .*times.txt$",
+    "poses\n": "poses.txt, line 1: expected 12 numbers",
+}
+
+
+@pytest.mark.parametrize("text", WRONG_OF_KITTI)
+def test_wrong_files_of_kitti_are_named(read, text):
+    with pytest.raises(BagError, match=WRONG_OF_KITTI[text]):
+        read(text, "100\n")
+
+
+WRONG_TIMES = {
+    "1 2\n": r"times.txt, line 1: expected one number.*add a first line such as: timestamp \[ns\],file$",
+    "1700000000000000000\n": r"not in seconds; if it is in ns, add the first line: timestamp \[ns\]$",
+    "a\n": "times.txt, line 1: expected one number, a stamp in seconds, got 'a'$",
+    "": "times.txt: expected lines of one number, a stamp in seconds; there are none$",
+}
+
+
+@pytest.mark.parametrize("times", WRONG_TIMES)
+def test_wrong_files_of_stamps_are_named(read, times):
+    with pytest.raises(BagError, match=WRONG_TIMES[times]):
+        read("1 0 0 0 0 1 0 0 0 0 1 0\n", times)
+
+
+# What an error advises, done.
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ns", 1), ("us", 1_000), ("ms", 1_000_000)])
+def test_a_heading_with_the_unit_of_stamps_is_a_remedy(read, unit, factor):
+    poses = Poses([ns // factor * factor for ns in POSES.times_ns], POSES.translations, POSES.rotations)
+    text = table(poses, lambda ns, numbers: " ".join([str(ns // factor), *numbers]))
+    with pytest.raises(
+        BagError, match=f"is not in seconds; if it is in {unit}, add the first line: "
+    ) as raised:
+        read(text)
+    _, heading = str(raised.value).split("add the first line: ")
+    check(read(f"{heading}\n{text}"), poses)
+    text = f"# {TUM}\n{text}"
+    with pytest.raises(BagError, match="say so in the heading: ") as raised:
+        read(text)
+    _, name = str(raised.value).split("say so in the heading: ")
+    check(read(text.replace("timestamp", name)), poses)
+
+
+def test_a_heading_for_columns_that_are_not_needed_is_a_remedy(read):
+    text = "".join(f"{line} 0.1 0.2\n" for line in tum(POSES).splitlines())
+    with pytest.raises(BagError, match="such as: ") as raised:
+        read(text)
+    _, advised = str(raised.value).split("such as: ")
+    check(read(f"{advised.replace(' and further names', ' c1 c2')}\n{text}"))
+
+
+TIMES = "".join(f"{seconds(ns)}\n" for ns in POSES.times_ns)
+WITHOUT_STAMPS = "".join(f"{line.partition(' ')[2]}\n" for line in tum(POSES).splitlines())
+MATRICES = kitti(POSES).splitlines()
+BY_COMMAND = {
+    "poses without stamps": WITHOUT_STAMPS,
+    "a graph of g2o": "".join(
+        f"VERTEX_SE3:QUAT {i} {line}\n" for i, line in enumerate(WITHOUT_STAMPS.splitlines())
+    )
+    + "EDGE_SE3:QUAT 0 1 0 0 0 0 0 0 1\n",
+    "decimal commas": tum(POSES).replace(".", ","),
+    "semicolons": tum(POSES, separator=";").replace(".", ","),
+}
+
+
+@pytest.mark.parametrize("kind", BY_COMMAND)
+def test_an_advised_command_makes_a_file_that_can_be_read(read, tmp_path, kind):
+    (tmp_path / "times.txt").write_text(TIMES)
+    with pytest.raises(BagError, match="(paste|grep|tr) ") as raised:
+        read(BY_COMMAND[kind])
+    command = str(raised.value).rpartition(": ")[2].replace("FILE", "poses.txt")
+    check(read(subprocess.run(command, shell=True, cwd=tmp_path, capture_output=True, check=True).stdout))
+
+
+@pytest.mark.parametrize("separator", [" ", ","])
+@pytest.mark.parametrize("kind", ["with a stamp", "of 4 x 4"])
+def test_advised_commands_make_files_of_kitti(read, tmp_path, kind, separator):
+    stamps = TIMES.splitlines() if kind == "with a stamp" else [""] * len(MATRICES)
+    ends = "" if kind == "with a stamp" else " 0 0 0 1"
+    lines = [f"{stamp} {line}{ends}".strip() for stamp, line in zip(stamps, MATRICES, strict=True)]
+    with pytest.raises(BagError, match="`times`") as raised:
+        read("\n".join(lines).replace(" ", separator))
+    commands = [f"{one} poses.txt" for one in str(raised.value).split("`") if one.startswith("cut")]
+    made = [
+        subprocess.run(one, shell=True, cwd=tmp_path, capture_output=True, check=True, text=True).stdout
+        for one in commands
+    ]
+    check(read(made[-1], made[0] if kind == "with a stamp" else TIMES))
+
+
+# Large files.
+
+
+def log_lines(file):
+    for i in range(200_000):
+        file.write(f"[INFO] [{i}]: a line of a log\n".encode())
+
+
+def a_pose_and_a_log(file):
+    file.write(f"{ROW}\n".encode())
+    log_lines(file)
+
+
+LARGE = {
+    "zeros": lambda file: file.truncate(1 << 30),
+    "spaces": lambda file: file.write(b" " * (1 << 24)),
+    "empty lines": lambda file: file.write(b" \n" * (1 << 20)),
+    "comments": lambda file: file.write(b"# none\n" * (1 << 20)),
+    "a log": log_lines,
+    "a pose and a log": a_pose_and_a_log,
+}
+
+
+@pytest.mark.parametrize("kind", LARGE)
+def test_a_large_file_of_another_kind_is_refused_without_being_read_whole(tmp_path, kind):
+    with open(tmp_path / "large", "wb") as file:
+        LARGE[kind](file)
+    tracemalloc.start()
+    try:
+        for read in (read_table, read_times, lambda path: read_kitti(path, path)):
+            with pytest.raises(BagError, match="large, line "):
+                read(tmp_path / "large")
+        assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    finally:
+        tracemalloc.stop()

@@ -1,0 +1,489 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Read files of poses with stamps: tables with or without a heading, as TUM's and EuRoC's, and KITTI's."""
+
+from __future__ import annotations
+
+import os
+import re
+from array import array
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from decimal import Context, Decimal
+from math import isfinite
+from os import PathLike
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tf2_py.printable import printable
+from tf2_ros.numpy import to_arrays
+from tf2_ros_tools.recordings.bag_reader import BagError
+
+S = 1_000_000_000
+LAST_NS = 2**31 * S - 1  # the latest time that the stamp of a message can hold
+NOT_SECONDS = 1e11  # in seconds, this is after the year 5000
+
+# A file of another kind is refused without being read whole.
+MOST_CHARACTERS = 1 << 14  # of a line
+MOST_BEFORE_ROWS = 1 << 20  # characters
+MOST_ROWS = 10_000_000  # of 72 bytes each
+QUOTED = 80  # characters of a line in an error
+
+# A rotation whose numbers have two decimals differs by less from one of length 1.
+ROUNDED = 0.1
+
+# What a number of a row is.
+Roles: TypeAlias = tuple[str, ...]
+STAMP, NANOSECONDS, VALID = "stamp", "nanoseconds", "valid"
+POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+TUM = (STAMP, *POSE)
+KITTI = tuple(f"{row}{column}" for row in "123" for column in "1234")
+TIMES = (STAMP,)
+
+
+@dataclass(frozen=True)
+class StampedPoses:
+    """
+    N poses, as they stand in a file or were recorded on a topic.
+
+    :param name: the file, or the recording and the topic; for errors.
+    :param of: what ``numbers`` counts from 1, such as ``line``.
+    :param numbers: where each pose stands, int64, shape (N,).
+    :param times_ns: int64, shape (N,).
+    :param translations: meters, shape (N, 3).
+    :param rotations: x y z w, shape (N, 4).
+    """
+
+    name: str
+    of: str
+    numbers: NDArray[np.int64]
+    times_ns: NDArray[np.int64]
+    translations: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.times_ns)
+
+    def check(self, advice: str = "") -> None:
+        """
+        Check that all numbers are finite, all rotations have the length 1, and stamps can hold all times.
+
+        :param advice: the end of the error of a rotation.
+        :raises BagError: one is not.
+        """
+        with np.errstate(over="ignore"):
+            lengths = np.sqrt((self.rotations**2).sum(axis=1))
+        is_finite = np.array(np.isfinite(self.translations).all(axis=1))
+        is_turn = np.abs(lengths - 1.0) < ROUNDED
+        is_good = is_finite & is_turn & (self.times_ns >= 0) & (self.times_ns <= LAST_NS)
+        for i in np.flatnonzero(~is_good)[:1].tolist():
+            if not is_finite[i]:
+                reason = f"expected a position of finite numbers, got {self.translations[i].tolist()}"
+            elif not is_turn[i]:
+                reason = f"expected a rotation of length 1, got the length {lengths[i]:.3g}{advice}"
+            else:
+                reason = f"the stamp of a message cannot hold {self.times_ns[i]} ns"
+            raise BagError(f"{self.place(i)}: {reason}")
+
+    def place(self, *indices: int) -> str:
+        """Say where some poses stand: ``poses.txt, lines 3 and 7``."""
+        numbers = " and ".join(str(self.numbers[one]) for one in indices)
+        return f"{self.name}, {self.of}{'s' * (len(indices) > 1)} {numbers}"
+
+
+def read_table(path: str | PathLike[str]) -> StampedPoses:
+    """
+    Read a table with a row for each pose, in any order.
+
+    Columns are separated by commas or white space. Without a heading, they are the stamp in seconds and
+    x y z qx qy qz qw. Lines that begin with ``#`` are comments, except for a heading.
+
+    :raises OSError: the file cannot be read.
+    :raises BagError: it is not such a table; the text has the file, the line and a remedy.
+    """
+    table = _read(path, TUM)
+    numbers = table.values[:, :3], table.values[:, 3:]
+    poses = StampedPoses(table.name, "line", table.lines, table.times_ns, *numbers)
+    poses.check("" if table.has_heading else f"; if the columns have another order, {_ADD_HEADING}")
+    return poses
+
+
+def read_kitti(path: str | PathLike[str], times: str | PathLike[str]) -> StampedPoses:
+    """
+    Read the format of KITTI: lines of 12 numbers, the first three rows of a matrix.
+
+    :param times: a file with the stamp of each; see :func:`read_times`.
+    :raises OSError, BagError: see :func:`read_table`; or the files have different numbers of rows.
+    """
+    table, stamps = _read(path, KITTI), _read(times, TIMES)
+    if len(table.lines) != len(stamps.lines):
+        raise BagError(
+            f"expected a stamp for each of the {len(table.lines)} poses in {table.name},"
+            f" got {len(stamps.lines)} in {stamps.name}"
+        )
+    matrices = table.values.reshape(-1, 3, 4)
+    turns = matrices[:, :, :3]
+    with np.errstate(all="ignore"):  # huge numbers
+        defects = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+        bad = np.flatnonzero(~(defects < ROUNDED) | ~(np.linalg.det(turns) > 0.0))
+    if bad.size:
+        line = table.lines[bad[0]]
+        raise BagError(f"{table.name}, line {line}: the numbers are not a rotation matrix and a position")
+    # To the nearest rotation, because the numbers are rounded.
+    left, _, right = np.linalg.svd(turns)
+    whole = np.tile(np.eye(4), (len(turns), 1, 1))
+    whole[:, :3, :3], whole[:, :3, 3] = left @ right, matrices[:, :, 3]
+    return StampedPoses(table.name, "line", table.lines, stamps.times_ns, *to_arrays(whole))
+
+
+def read_times(path: str | PathLike[str]) -> NDArray[np.int64]:
+    """
+    Read a file with a stamp in each line: in seconds, or in the unit that its heading names.
+
+    :return: nanoseconds, int64, shape (N,).
+    :raises OSError, BagError: see :func:`read_table`.
+    """
+    return _read(path, TIMES).times_ns
+
+
+# Headings.
+
+# Nanoseconds in the units of a stamp, and meters in those of a position.
+TIME_UNITS = {
+    **dict.fromkeys(("ns", "nsec", "nanoseconds"), 1.0),
+    **dict.fromkeys(("us", "\u00b5s", "\u03bcs", "usec", "microseconds"), 1e3),
+    **dict.fromkeys(("ms", "msec", "milliseconds"), 1e6),
+    **dict.fromkeys(("s", "sec", "secs", "seconds"), 1e9),
+}
+LENGTH_UNITS = {"m": 1.0, "meters": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3}
+NO_UNITS = {"-": 1.0, "1": 1.0}
+UNITS = {STAMP: TIME_UNITS, **dict.fromkeys(POSE[:3], LENGTH_UNITS)}
+
+# The names of columns, in lower case and without units. Dots separate the fields of messages.
+STAMPS = re.compile(r"time|timestamp|t|stamp|(\w+\.)*header\.stamp")
+POSITIONS = re.compile(r"(?:t|p|pos|position|translation|p_\w+|(?:\w+\.)*position)?[_.]?([xyz])")
+ROTATIONS = re.compile(r"(?:q|quat|quaternion|rotation|orientation|q_\w+|(?:\w+\.)*orientation)[_.]?([xyzw])")
+SECONDS, REST = ("sec", "secs"), ("nsec", "nsecs", "nanosec")  # two columns of one stamp
+OF_EUROC = re.compile(r"p_[a-z]+_[a-z]+_[xyz]")  # a format in which stamps are nanoseconds
+LONGEST_NAME = 100
+
+EXAMPLE = "timestamp tx ty tz qx qy qz qw"
+_SHOWN = dict(zip(TUM, EXAMPLE.split(), strict=True)) | {
+    one: f"row {one[0]}, column {one[1]}" for one in KITTI
+}
+_ADD_HEADING = f"add a first line that names them, such as: {EXAMPLE}"
+
+
+class _Column(NamedTuple):
+    """A column of a heading, and what its name means; without a role, it is not needed."""
+
+    name: str
+    role: str = ""
+    unit: str = ""
+
+
+def _column(name: str) -> _Column:
+    short = _short(name)
+    if short == VALID:
+        return _Column(name, VALID)
+    if short in SECONDS:
+        return _Column(name, STAMP, "s")
+    if short in REST:
+        return _Column(name, NANOSECONDS, "ns")
+    short, unit = _without_unit(short)
+    if len(short) > LONGEST_NAME:
+        return _Column(name)
+    if STAMPS.fullmatch(short):
+        return _Column(name, STAMP, unit)
+    if found := POSITIONS.fullmatch(short):
+        return _Column(name, found[1], unit)
+    if found := ROTATIONS.fullmatch(short):
+        return _Column(name, f"q{found[1]}", unit)
+    return _Column(name)
+
+
+def _short(name: str) -> str:
+    return name.strip("\"' ").lstrip("#% ").lower()
+
+
+def _without_unit(name: str) -> tuple[str, str]:
+    """Split ``x [m]``, ``x(m)`` and ``stamp_ns``."""
+    begin = max(name.rfind("["), name.rfind("("))
+    if begin > 0 and name[-1] in "])":
+        return name[:begin].rstrip(), name[begin + 1 : -1].strip()
+    short, _, unit = name.rpartition("_")
+    return (short, unit) if unit in TIME_UNITS and STAMPS.fullmatch(short) else (name, "")
+
+
+def _names(text: str) -> list[str]:
+    """Split a heading at its commas, or at white space outside of the brackets of units."""
+    if "," in text:
+        return _fields(text)
+    names: list[str] = []
+    for word in text.split():
+        if names and (word[0] in "[(" or _is_open(names[-1])):
+            names[-1] += word
+        else:
+            names.append(word)
+    return names
+
+
+def _is_open(name: str) -> bool:
+    return max(name.rfind("["), name.rfind("(")) > max(name.rfind("]"), name.rfind(")"))
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """
+    How the rows of a table are read.
+
+    ``places`` has the index of the column of each role, ``units`` what its numbers are multiplied by, for
+    nanoseconds and meters. A row has ``most`` columns; with a heading, those at its end that are not needed
+    may be absent. ``names_unit``: the heading has the unit of the stamp.
+    """
+
+    needed: Roles
+    places: Mapping[str, int]
+    units: Mapping[str, float]
+    most: int
+    has_heading: bool = False
+    names_unit: bool = False
+    is_of_euroc: bool = False
+
+
+def _without_heading(needed: Roles) -> _Layout:
+    places = {role: place for place, role in enumerate(needed)}
+    return _Layout(needed, places, {role: 1e9 if role == STAMP else 1.0 for role in needed}, len(needed))
+
+
+def _of_heading(text: str, needed: Roles, *, is_comment: bool) -> _Layout | None:
+    """
+    Understand a heading.
+
+    :param is_comment: the text follows a ``#``.
+    :return: None: it is a comment that does not name the columns.
+    :raises ValueError: it cannot be obeyed, or is not a heading.
+    """
+    columns = [*map(_column, _names(text.rpartition(":")[2] if is_comment else text))]
+    roles = [one.role for one in columns]
+    known = {*roles}.intersection(needed)
+    if is_comment:
+        # A prose comment may contain one of these words.
+        if len(known) < (min(3, len(needed)) if STAMP in known else len(POSE)):
+            return None
+    elif not known:
+        raise ValueError(
+            f"expected {EXPECTED[needed]}, got {_quoted(text)}{_advice(text, needed, is_first=True)}"
+        )
+    for role in needed:
+        if len(same := [one.name for one in columns if one.role == role]) > 1:
+            raise ValueError(f"the heading has several columns for {_SHOWN[role]}: {_listed(same)}")
+    if missing := [_SHOWN[role] for role in needed if role not in roles]:
+        raise ValueError(f"the heading has no column for {_listed(missing)}; its names are like {EXAMPLE}")
+    own = {one.role: one for one in columns if one.role}
+    if NANOSECONDS in own and _short(own[STAMP].name) not in SECONDS:
+        both = _listed([own[STAMP].name, own[NANOSECONDS].name])
+        raise ValueError(f"the heading has several columns for {_SHOWN[STAMP]}: {both}")
+    units: dict[str, float] = {}
+    for role, one in own.items():
+        accepted = UNITS.get(role, NO_UNITS if role in POSE else TIME_UNITS)
+        if one.unit and one.unit not in accepted:
+            raise ValueError(
+                f"the unit of the column {printable(one.name)} is not one of {', '.join(accepted)}"
+            )
+        units[role] = accepted[one.unit] if one.unit else 1.0
+    is_of_euroc = any(OF_EUROC.fullmatch(_without_unit(_short(one.name))[0]) for one in columns)
+    if not own[STAMP].unit:
+        units[STAMP] = TIME_UNITS["ns" if is_of_euroc else "s"]
+    places = {role: roles.index(role) for role in own}
+    return _Layout(needed, places, units, len(columns), True, bool(own[STAMP].unit), is_of_euroc)
+
+
+# Rows.
+
+EXACT = Context(prec=60)  # a float cannot hold all digits of a stamp
+EXPECTED = {
+    TUM: "8 numbers, a stamp in seconds and x y z qx qy qz qw",
+    KITTI: "12 numbers, the first three rows of a matrix",
+    TIMES: "one number, a stamp in seconds",
+}
+
+
+class _Table(NamedTuple):
+    """The N rows of a file: their lines, their stamps in ns if they have them, and the other numbers."""
+
+    name: str
+    has_heading: bool
+    lines: NDArray[np.int64]
+    times_ns: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+
+def _read(path: str | PathLike[str], needed: Roles) -> _Table:
+    """
+    Read the rows of a file.
+
+    :param needed: the roles of the numbers that a row must have; without a heading, it has no others.
+    """
+    name = printable(os.fspath(path))
+    lines, times_ns, values = array("q"), array("q"), array("d")
+    layout, before = None, 0
+    for number, line in _lines(path, name):
+        text = line.strip()
+        try:
+            if not lines:
+                before += len(line)
+                if before > MOST_BEFORE_ROWS:
+                    raise ValueError(f"expected {EXPECTED[needed]}; no line before has them")
+            if not text:
+                continue
+            is_comment = text.startswith("#")
+            if is_comment or layout is None and not _is_number(_fields(text)[0]):
+                found = _of_heading(text.lstrip("# "), needed, is_comment=is_comment)
+                if found and layout and (found.places, found.units) != (layout.places, layout.units):
+                    raise ValueError("the heading differs from what is before it")
+                layout = layout or found
+                continue
+            layout = layout or _without_heading(needed)
+            row = _row(text, layout, is_first=not lines)
+        except ValueError as error:
+            raise BagError(f"{name}, line {number}: {error}") from None
+        if row is not None:
+            lines.append(number)
+            times_ns.append(row[0])
+            values.extend(row[1])
+        if len(lines) > MOST_ROWS:
+            raise BagError(f"{name}: expected at most {MOST_ROWS:,} rows, got more")
+    if layout is None or not lines:
+        raise BagError(f"{name}: expected lines of {EXPECTED[needed]}; there are none")
+    rows = np.array(values).reshape(len(lines), -1)
+    return _Table(name, layout.has_heading, np.array(lines), np.array(times_ns), rows)
+
+
+def _lines(path: str | PathLike[str], name: str) -> Iterator[tuple[int, str]]:
+    with open(path, encoding="utf-8-sig", errors="replace") as file:
+        number = 0
+        while line := file.readline(MOST_CHARACTERS):
+            number += 1
+            if "\0" in line:
+                raise BagError(f"{name}, line {number}: expected a text in UTF-8, got binary data")
+            if len(line) == MOST_CHARACTERS and line[-1] != "\n":
+                raise BagError(f"{name}, line {number}: expected at most {MOST_CHARACTERS:,} characters")
+            yield number, line
+
+
+def _fields(text: str) -> list[str]:
+    if "," not in text:
+        return text.split()
+    fields = [one.strip() for one in text.split(",")]
+    return fields if fields[-1] else fields[:-1]  # some programs write a comma at the end
+
+
+def _row(text: str, layout: _Layout, *, is_first: bool) -> tuple[int, list[float]] | None:
+    """Read the stamp in ns and the other numbers of a row; None: a column says that it is not valid."""
+    fields, needed = _fields(text), layout.needed
+    if not layout.has_heading and not (len(fields) == layout.most and all(map(_is_number, fields))):
+        raise ValueError(
+            f"expected {EXPECTED[needed]}, got {_quoted(text)}{_advice(text, needed, is_first=is_first)}"
+        )
+    if len(fields) > layout.most:
+        raise ValueError(f"expected at most the {layout.most} columns of the heading, got {len(fields)}")
+    given = {role: fields[place] for role, place in layout.places.items() if place < len(fields)}
+    if missing := [_SHOWN.get(role, role) for role in layout.places if role not in (*given, VALID)]:
+        raise ValueError(f"the row is cut off before {_listed(missing)}: {_quoted(text)}")
+    if given.get(VALID, "").lower() in ("false", "0"):
+        return None
+    time_ns = _time_ns(given, layout) if STAMP in needed else 0
+    return time_ns, [_number(given, role) * layout.units[role] for role in needed if role != STAMP]
+
+
+def _time_ns(given: Mapping[str, str], layout: _Layout) -> int:
+    text, value, unit = given[STAMP], _number(given, STAMP), layout.units[STAMP]
+    if value < 0.0:
+        raise ValueError(f"expected a stamp of 0 or more, got {text}")
+    if NOT_SECONDS <= value <= LAST_NS and not (layout.names_unit or layout.is_of_euroc):
+        likely = "ms" if value < 1e14 else "us" if value < 1e17 else "ns"
+        columns = "" if layout.needed == TIMES else EXAMPLE.removeprefix("timestamp")
+        heading = f"timestamp [{likely}]{columns}"
+        how = f"add the first line: {heading}"
+        if layout.has_heading:
+            how = f"say so in the heading: timestamp [{likely}]"
+        raise ValueError(f"the stamp {text} is not in seconds; if it is in {likely}, {how}")
+    if 0.0 < value < NOT_SECONDS and layout.is_of_euroc and not layout.names_unit:
+        raise ValueError(
+            f"in EuRoC's format, stamps are in ns, but {text} is not; name its unit in the heading, such as:"
+            " timestamp [s]"
+        )
+    time_ns = LAST_NS + 1
+    if value * unit < LAST_NS + S:  # a float is not exact
+        time_ns = round(EXACT.multiply(Decimal(text), Decimal(unit)))
+        if NANOSECONDS in given:
+            if not 0.0 <= (rest := _number(given, NANOSECONDS)) < S:
+                raise ValueError(f"expected 0 to 999999999 nanoseconds beside the seconds, got {rest:g}")
+            time_ns += round(rest)
+    if time_ns > LAST_NS:
+        raise ValueError(f"the stamp {text} is too large: messages cannot hold {value * unit / S:g} s")
+    return time_ns
+
+
+def _number(given: Mapping[str, str], role: str) -> float:
+    text = given[role]
+    if _is_number(text) and isfinite(number := float(text)):
+        return number
+    raise ValueError(f"{_SHOWN.get(role, role)}: expected a finite number, got {_quoted(text)}")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+# Texts.
+
+DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d*(?:[eE][-+]?\d+)?")
+
+
+def _advice(text: str, needed: Roles, *, is_first: bool) -> str:
+    """Say what a row may be, and what to do about it."""
+    fields, words = _fields(text), text.replace(";", " ").split()
+    separator = "," if "," in text else " "
+    cut = f"cut -d '{separator}' -f"
+    if ";" in text or len(words) > 1 and all(map(DECIMAL_COMMA.fullmatch, words)):
+        return "; write decimal points, and commas or spaces between numbers: tr ',;' '. ' < FILE"
+    if text.startswith(("VERTEX", "EDGE", "FIX ")):
+        return (
+            "; a graph of g2o has no stamps. If times.txt has those of its vertices:"
+            " grep VERTEX_SE3:QUAT FILE | cut -d ' ' -f 3-9 | paste -d ' ' times.txt -"
+        )
+    if needed == TIMES:
+        several = "; if one of its columns is the stamp, add a first line such as: timestamp [ns],file"
+        return several if len(fields) > 1 else ""
+    if not all(map(_is_number, fields)):
+        return f"; the names of columns are like {EXAMPLE}" if is_first else ""
+    if needed == KITTI and len(fields) == len(TUM):
+        return "; a file that has the stamps is read without `times`"
+    found = {
+        3: "; poses need a position and a rotation",
+        4: "; poses need a position and a rotation",
+        7: f"; if times.txt has the stamps: paste -d '{separator}' times.txt FILE",
+        12: "; KITTI's poses need `times` or `--trajectory-times`",
+        13: f"; if it is a stamp and a matrix, `{cut} 1` writes the file `times`, and `{cut} 2-13` the poses",
+        16: f"; if it is a matrix, `{cut} 1-12` writes the format of KITTI, which needs `times`",
+    }
+    if not is_first and len(fields) < len(needed):
+        return "; the row is cut off"
+    more = f"; {_ADD_HEADING} and further names" if len(fields) > len(TUM) else ""
+    return found.get(len(fields), more)
+
+
+def _quoted(text: str) -> str:
+    return repr(printable(text if len(text) <= QUOTED else f"{text[:QUOTED]}…"))
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(map(printable, names))

@@ -46,6 +46,7 @@ PICTURES = {
     "demo-path.png": "tf2_plot --path map camera -t 8 -o path.png",
     "demo-heard.png": "tf2_plot -t 8 -o received.png",
     "demo-monitor.svg": "tf2_monitor map camera",
+    "faults-monitor-tree.svg": "tf2_monitor",
 }
 sys.path[:0] = [str(DEMO.parent), str(ROOT / "docs")]
 
@@ -54,7 +55,7 @@ import performance_from_results  # noqa: E402
 
 import demo  # noqa: E402
 
-COLUMNS, ROWS = 80, 16
+COLUMNS = 80
 # The fonts of the reader: a picture in the docs asks no other host for any.
 WITHOUT_FONTS = re.sub(r"@font-face \{\{.*?\}\}\s*", "", CONSOLE_SVG_FORMAT, flags=re.DOTALL)
 
@@ -70,7 +71,8 @@ def main() -> None:
     draw(ROOT / "docs" / "images" / "getting-started-tree.svg", robot=first_robot())
     draw(IMAGES / "demo-path.png", stopped=True)
     draw(IMAGES / "demo-heard.png", stopped=True)
-    with_robot(show_monitor)
+    show_monitor(IMAGES / "demo-monitor.svg", rows=16)
+    show_monitor(IMAGES / "faults-monitor-tree.svg", rows=34, keys="e", robot=FAULTS)
 
 
 def first_robot() -> list[str]:
@@ -100,32 +102,36 @@ def draw(picture: Path, *, stopped: bool = False, robot: Sequence[str | Path] = 
     with_robot(run, robot)
 
 
-def show_monitor(_robot: subprocess.Popen) -> None:
-    """What tf2_monitor shows on a terminal after some seconds."""
-    screen = pyte.Screen(COLUMNS, ROWS)
+def show_monitor(picture: Path, *, rows: int, keys: str = "", robot: Sequence[str | Path] = ROBOT) -> None:
+    """Draw what tf2_monitor shows on a terminal some seconds after keys were pressed."""
+    with_robot(lambda _: _show_monitor(picture, rows, keys), robot)
+
+
+def _show_monitor(picture: Path, rows: int, keys: str) -> None:
+    screen = pyte.Screen(COLUMNS, rows)
     stream = pyte.Stream(screen)
-    program, *frames = shlex.split(PICTURES["demo-monitor.svg"])
+    program, *frames = shlex.split(PICTURES[picture.name])
     [python, *arguments] = _command(program)
     monitor = pexpect.spawn(
         python,
         [*arguments, *frames],
-        dimensions=(ROWS, COLUMNS),
+        dimensions=(rows, COLUMNS),
         env={**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor"},
         encoding="utf-8",
     )
-    end = time.monotonic() + 8.0
     try:
-        while time.monotonic() < end:
-            with contextlib.suppress(pexpect.TIMEOUT):
-                stream.feed(monitor.read_nonblocking(65536, timeout=0.1))
+        for pressed in ("", keys):
+            monitor.send(pressed)
+            end = time.monotonic() + 4.0
+            while time.monotonic() < end:
+                with contextlib.suppress(pexpect.TIMEOUT):
+                    stream.feed(monitor.read_nonblocking(65536, timeout=0.1))
     finally:
         monitor.terminate(force=True)
     console = Console(record=True, width=COLUMNS, file=open(os.devnull, "w"), color_system="truecolor")
-    for number in range(ROWS):
+    for number in range(rows):
         console.print(_line(screen, number))
-    console.save_svg(
-        str(IMAGES / "demo-monitor.svg"), title=PICTURES["demo-monitor.svg"], code_format=WITHOUT_FONTS
-    )
+    console.save_svg(str(picture), title=PICTURES[picture.name], code_format=WITHOUT_FONTS)
 
 
 def with_robot(run: Callable[[subprocess.Popen], None], robot: Sequence[str | Path] = ROBOT) -> None:

@@ -23,10 +23,13 @@ pytest.importorskip("pyte")
 pytest.importorskip("textual")
 
 import pexpect
+from picture_samples import stream
 from processes import killed
 from terminals import Terminal
 from textual.widgets import DataTable
 
+from tf2_py import FrameInfo
+from tf2_ros_tools.diagnosis.findings import Finding
 from tf2_ros_tools.diagnosis.stream_statistics import Stream
 from tf2_ros_tools.listening.session import Report
 from tf2_ros_tools.pictures.monitor_screen import _Screen
@@ -50,7 +53,7 @@ def look():
     raise RunError("the robot has gone")
 
 parser = Parser("tf2_monitor", "", "")
-sys.exit(run(parser, lambda _: show_screen(look, ""), ["tf2_monitor"], interrupted=0))
+sys.exit(run(parser, lambda _: show_screen(look, dict, ""), ["tf2_monitor"], interrupted=0))
 """
 
 
@@ -92,7 +95,7 @@ def test_the_chosen_row_stays_in_view_when_an_update_comes_beside_a_key():
     report = Report(0.0, [replace(stream, frame=name) for name in NAMES], [], [], None, 0)
 
     async def play():
-        screen = _Screen(lambda: report, "")
+        screen = _Screen(lambda: report, dict, "")
         async with screen.run_test(size=(45, 24)) as pilot:
             table = screen.query_one(DataTable)
             last = table.scrollable_content_region.height - 2  # below the titles
@@ -112,6 +115,98 @@ def test_the_chosen_row_stays_in_view_when_an_update_comes_beside_a_key():
         return [one async for one in play()]
 
     assert asyncio.run(shown()) == [(turns, 1, 1) for turns in range(12)]
+
+
+class TestTree:
+    """As rows: depth, frame, age."""
+
+    @staticmethod
+    def shown(*streams, ages=(), findings=(), keys=("e",)):
+        """The rows after these keys."""
+        report = Report(100.0, [*streams], [], [*findings], None, 0)
+        infos = {
+            name: FrameInfo(None, False, 1, 0, round((100.0 - age) * S)) for name, age in dict(ages).items()
+        }
+
+        async def play():
+            screen = _Screen(lambda: report, lambda: infos, "here")
+            async with screen.run_test() as pilot:
+                await pilot.press(*keys)
+                table = screen.query_one(DataTable)
+                yield [[str(cell) for cell in table.get_row_at(row)] for row in range(table.row_count)]
+                yield [str(table.get_row_at(row)[0].style) for row in range(table.row_count)]
+                yield str(screen.query_one("#summary").render()).strip()
+
+        async def collected():
+            return [one async for one in play()]
+
+        rows, styles, summary = asyncio.run(collected())
+        assert summary.endswith(" here, as a tree")
+        lines = [(len(row[0]) - len(row[0].lstrip()), row[0].strip(), row[1]) for row in rows]
+        return [(spaces // 2, name, age) for spaces, name, age in lines], styles
+
+    def test_frames_are_below_their_parents_with_ages(self):
+        rows, _ = self.shown(
+            stream("odom"),
+            stream("base_link", "odom"),
+            stream("arm", "base_link"),
+            stream("lidar", "odom", static=True),
+            stream("beacon"),
+            ages={"odom": 0.25, "base_link": 12.5, "lidar": 7.0},
+        )
+        assert rows == [
+            (0, "map", ""),
+            (1, "beacon", ""),
+            (1, "odom", "0.25"),
+            (2, "base_link", "12.50"),
+            (3, "arm", ""),
+            (2, "lidar", ""),
+        ]
+
+    def test_all_trees_and_loops_are_shown(self):
+        rows, _ = self.shown(
+            stream("a", "c"),
+            stream("b", "a"),
+            stream("c", "b"),
+            stream("d", "b"),
+            stream("fish", "sea"),
+            stream("odom"),
+        )
+        assert [row[:2] for row in rows] == [
+            *((0, "map"), (1, "odom"), (0, "sea"), (1, "fish")),
+            *((0, "a"), (1, "b"), (2, "c"), (3, "a"), (2, "d")),
+        ]
+
+    def test_a_frame_is_below_each_of_its_parents_and_what_is_below_it_once(self):
+        rows, _ = self.shown(stream("odom"), stream("arm"), stream("arm", "odom"), stream("hand", "arm"))
+        assert [row[:2] for row in rows] == [(0, "map"), (1, "arm"), (2, "hand"), (1, "odom"), (2, "arm")]
+
+    def test_frames_with_problems_are_red(self):
+        findings = [Finding("stale", "odom", "…"), Finding("loop", "a", "…", ("a", "b"))]
+        rows, styles = self.shown(
+            stream("odom"), stream("base", "odom"), stream("a", "b"), stream("b", "a"), findings=findings
+        )
+        red = [name for (_, name, _), style in zip(rows, styles, strict=True) if "red" in style]
+        assert red == ["odom", "a", "b", "a"]
+
+    def test_a_filter_keeps_what_is_above_a_frame(self):
+        streams = [stream("odom"), stream("base", "odom"), stream("hand", "base"), stream("tail", "base")]
+        rows, _ = self.shown(*streams, stream("x"), stream("y", "x"), keys=("e", *"/HAND"))
+        assert [row[:2] for row in rows] == [(0, "map"), (1, "odom"), (2, "base"), (3, "hand")]
+
+    def test_a_chain_of_thousands_of_frames_is_shown(self):
+        rows, _ = self.shown(*(stream(f"{one + 1:04}", f"{one:04}") for one in range(3000)))
+        assert rows[-1][:2] == (3000, "3000")
+
+    def test_it_is_shown_on_a_terminal_and_the_chosen_frame_stays_chosen(self, peer):
+        talker = peer(*TOPICS)
+        talker.send_without_subscriber(*(("map", name, S, 1.0) for name in NAMES), static=True)
+        with monitor((80, 24)) as terminal:
+            terminal.shows(lambda lines: len(names(lines)) >= 10)
+            terminal.press(19 * DOWN)
+            terminal.shows(lambda lines: NAMES[-1] in names(lines))
+            terminal.press("e")
+            terminal.shows(lambda lines: any(re.match(rf"   {NAMES[-1]} +static ", line) for line in lines))
 
 
 class TestKeys:
@@ -166,7 +261,7 @@ class TestKeys:
     def test_an_error_in_it_fails(self):
         program = (
             "import sys; from tf2_ros_tools.pictures.monitor_screen import show_screen; "
-            "sys.exit(show_screen(lambda: 1 / 0, ''))"
+            "sys.exit(show_screen(lambda: 1 / 0, dict, ''))"
         )
         environment = {**os.environ, "TERM": "xterm-256color"}
         failing = pexpect.spawn(sys.executable, ["-c", program], env=environment, timeout=DEADLINE_S)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The full-screen table of tf2_monitor: sorted, filtered and scrolled by keys, below the problems."""
+"""The full screen of tf2_monitor: the problems above a table or tree, which keys sort, filter and scroll."""
 
 import asyncio
 import ctypes
@@ -8,8 +8,9 @@ import os
 import signal
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from tempfile import TemporaryFile
+from typing import NamedTuple
 
 from rich.text import Text
 from textual.app import App, ComposeResult
@@ -17,6 +18,7 @@ from textual.binding import Binding
 from textual.containers import VerticalScroll
 from textual.widgets import DataTable, Footer, Input, Static
 
+from tf2_py import FrameInfo
 from tf2_py.printable import printable
 from tf2_ros_tools.common.output import counted
 from tf2_ros_tools.common.program import RunError
@@ -29,16 +31,56 @@ Kinds = defaultdict[str, list[str]]  # of findings, by frame
 INTERVAL_S = 1.0  # between two updates
 PR_SET_PDEATHSIG = 1  # of Linux: a signal for when the parent process dies
 
+S = 1_000_000_000
+
 COLUMNS = ("frame", "Hz", "delay ms", "wrong", "parent", "publisher", "max ms", "jitter ms")
-NUMBERS = {"Hz", "delay ms", "max ms", "jitter ms"}
+TREE_COLUMNS = ("frame", "age s", "Hz", "delay ms", "wrong", "publisher", "max ms", "jitter ms")
+NUMBERS = {"age s", "Hz", "delay ms", "max ms", "jitter ms"}
 
 
-def _texts(stream: Stream, kinds: Sequence[str]) -> Iterator[str]:
-    """What the columns show of a stream; ``kinds`` are those of its frame's findings."""
-    rate = "static" if stream.static else rate_text(stream)
-    delay, most, jitter = map(milliseconds, (stream.delay, stream.delay_max, stream.jitter))
-    wrong = ", ".join(dict.fromkeys(kinds))
-    return map(printable, (stream.frame, rate, delay, wrong, stream.parent, stream.publisher, most, jitter))
+class _Row(NamedTuple):
+    """A row of a stream; in a tree also of a root, which has none."""
+
+    frame: str
+    depth: int  # below the root
+    stream: Stream | None
+
+
+def _key_of(row: _Row) -> tuple[str, str, int, bool]:
+    """What tells a row apart from others, also those of later reports."""
+    stream = row.stream
+    if stream is None:
+        return row.frame, "", 0, False
+    return row.frame, stream.parent, stream.publisher_id, stream.static
+
+
+def _texts(row: _Row, kinds: Sequence[str], info: FrameInfo | None, now_s: float) -> dict[str, str]:
+    """What the columns show; ``kinds`` are those of the frame's findings. Root frames have no figures."""
+    texts = {"frame": "  " * row.depth + row.frame, "wrong": ", ".join(dict.fromkeys(kinds))}
+    if (stream := row.stream) is not None:
+        texts |= {"parent": stream.parent, "publisher": stream.publisher}
+        texts["Hz"] = "static" if stream.static else rate_text(stream)
+        figures = {"delay ms": stream.delay, "max ms": stream.delay_max, "jitter ms": stream.jitter}
+        texts |= {column: milliseconds(one) for column, one in figures.items()}
+        if not stream.static and info is not None and info.newest_ns is not None and now_s > 0.0:
+            texts["age s"] = f"{now_s - info.newest_ns / S:.2f}"
+    return texts
+
+
+def _tree(streams: Iterable[Stream]) -> Iterator[_Row]:
+    """Get the rows of all trees, from each root down, with the children of a frame once."""
+    children: dict[str, list[_Row]] = defaultdict(list)
+    for one in streams:
+        children[one.parent].append(_Row(one.frame, 0, one))
+    frames = {one.frame for one in streams}
+    # The frames of a loop have no root above them, so one of them is the first.
+    for root in sorted(children, key=lambda name: (name in frames, name)):
+        pending = [_Row(root, 0, None)] if root in children else []
+        while pending:
+            row = pending.pop()
+            yield row
+            below = sorted(children.pop(row.frame, ()), key=_key_of, reverse=True)
+            pending += [one._replace(depth=row.depth + 1) for one in below]
 
 
 # The smallest value is shown first; unknown rates and delays come last.
@@ -50,13 +92,14 @@ ORDERS: dict[str, Callable[[Stream, int], tuple[float, str]]] = {
 }
 
 
-def show_screen(look: Callable[[], Report], source: str) -> int:
+def show_screen(look: Callable[[], Report], infos: Callable[[], Mapping[str, FrameInfo]], source: str) -> int:
     """
     Show reports until the user or a signal ends it, in the main thread; return the exit status.
 
     Textual prints the traceback of an error in here, and the status is not 0; not of a RunError.
 
     :param look: makes a report of the present state.
+    :param infos: gets the frames of the buffer, for their ages.
     :param source: the topics and the ROS domain, as a phrase.
     :raises RunError: ``look`` raised it.
     """
@@ -69,7 +112,7 @@ def show_screen(look: Callable[[], Report], source: str) -> int:
         os.dup2(log.fileno(), 1)
         os.dup2(log.fileno(), 2)
         try:
-            screen = _Screen(look, source)
+            screen = _Screen(look, infos, source)
             screen.run(mouse=False)  # so that the terminal itself selects text
         finally:
             os.dup2(output, 1)
@@ -94,6 +137,9 @@ class _Screen(App[None]):
         Binding("n", "sort('name')", "Name", tooltip="Sort by name"),
         Binding("r", "sort('rate')", "Rate", tooltip="Sort by rate, the highest first"),
         Binding("d", "sort('delay')", "Delay", tooltip="Sort by delay, the longest first"),
+        Binding(
+            "e", "sort('tree')", "Tree", tooltip="The tree of frames, and the ages of their newest transforms"
+        ),
         # Of the screen as a whole: otherwise the keys that follow at once would miss the filter.
         Binding("slash", "filter", "Filter", key_display="/", priority=True),
         Binding("escape", "show_all", show=False),
@@ -102,13 +148,16 @@ class _Screen(App[None]):
     ]
     ENABLE_COMMAND_PALETTE = False
 
-    def __init__(self, look: Callable[[], Report], source: str) -> None:
+    def __init__(
+        self, look: Callable[[], Report], infos: Callable[[], Mapping[str, FrameInfo]], source: str
+    ) -> None:
         super().__init__()
-        self._look = look
-        self._report = look()
+        self._look, self._look_at_frames = look, infos
+        self._look_again()
         self.failure: RunError | None = None  # why it has ended
         self._source = source
-        self._streams: list[Stream] = []  # a row for each
+        self._columns: tuple[str, ...] = ()
+        self._rows: list[_Row] = []
         self._order = "trouble"
 
     def compose(self) -> ComposeResult:
@@ -116,7 +165,7 @@ class _Screen(App[None]):
         with VerticalScroll():
             yield Static(id="problems", markup=False)
         yield Input(placeholder="/ filters by a part of a frame, parent or publisher", id="filter")
-        yield DataTable(cursor_type="row", fixed_columns=1)
+        yield DataTable(cursor_type="row")
         yield Footer()
 
     def on_mount(self) -> None:
@@ -125,16 +174,17 @@ class _Screen(App[None]):
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self.exit)
-        table = self.query_one(DataTable)
-        for column in COLUMNS:
-            table.add_column(_cell(column, column))
-        table.focus()
+        self.query_one(DataTable).focus()
         self._show()
         self._updates = self.set_interval(INTERVAL_S, self._update)
 
+    def _look_again(self) -> None:
+        self._infos = self._look_at_frames()  # first, so that no age is negative
+        self._report = self._look()
+
     def _update(self) -> None:
         try:
-            self._report = self._look()
+            self._look_again()
         except RunError as failure:
             if self.is_web:  # where nobody would see what the program prints
                 self._updates.stop()
@@ -179,7 +229,8 @@ class _Screen(App[None]):
         report = self._report
         kinds: Kinds = defaultdict(list)
         for finding in report.findings:
-            kinds[finding.frame].append(finding.kind)
+            for frame in finding.frames or (finding.frame,):
+                kinds[frame].append(finding.kind)
         with self.batch_update():
             self.query_one("#summary", Static).update(Text(self._summary(report)))
             self._fill(self._chosen(report.streams, kinds), kinds)
@@ -190,38 +241,61 @@ class _Screen(App[None]):
     def _summary(self, report: Report) -> str:
         frames = counted(len({stream.frame for stream in report.streams}), "frame")
         found = counted(len(report.findings), "problem")
-        text = printable(f"{frames}, {found} {self._source}, by {self._order}")
+        text = printable(
+            f"{frames}, {found} {self._source}, {'as a' if self._order == 'tree' else 'by'} {self._order}"
+        )
         return text if report.chain is None else f"{printable(report.chain.text)}\n{text}"
 
-    def _chosen(self, streams: Sequence[Stream], kinds: Kinds) -> list[Stream]:
-        """Filter and sort streams."""
-        part, key = self.query_one(Input).value.lower(), ORDERS[self._order]
-        found = [one for one in streams if part in f"{one.frame} {one.parent} {one.publisher}".lower()]
-        found.sort(key=_name_of)  # in a report, the order of those of one frame varies
-        found.sort(key=lambda one: key(one, len(kinds[one.frame])))
-        return found
+    def _chosen(self, streams: Sequence[Stream], kinds: Kinds) -> list[_Row]:
+        """Filter and sort streams; in a tree, with the frames above those that are chosen."""
+        part = self.query_one(Input).value.lower()
+        if self._order == "tree":
+            rows = []
+            above = -1  # the depth of the next frame above
+            for row in reversed([*_tree(streams)]):
+                if row.depth == above or part in _searched(row):
+                    rows.append(row)
+                    above = row.depth - 1
+            return rows[::-1]
+        order = ORDERS[self._order]
 
-    def _fill(self, streams: list[Stream], kinds: Kinds) -> None:
+        def rank(stream: Stream) -> tuple[object, ...]:
+            # In a report, the order of those of one frame varies.
+            return *order(stream, len(kinds[stream.frame])), stream.parent, stream.publisher_id, stream.static
+
+        rows = [_Row(one.frame, 0, one) for one in sorted(streams, key=rank)]
+        return [row for row in rows if part in _searched(row)]
+
+    def _fill(self, rows: list[_Row], kinds: Kinds) -> None:
         table = self.query_one(DataTable)
         # None: the first row, which stays highlighted.
-        chosen = _name_of(self._streams[table.cursor_row]) if table.cursor_row > 0 else None
-        x, y = table.scroll_offset
-        table.clear()
+        chosen = _key_of(self._rows[table.cursor_row]) if table.cursor_row > 0 else None
+        columns = TREE_COLUMNS if self._order == "tree" else COLUMNS
+        is_other = columns != self._columns
+        # The names of a deep tree would leave no place for the other columns.
+        table.fixed_columns = 0 if self._order == "tree" else 1
+        x, y = (0, 0) if is_other else table.scroll_offset
+        table.clear(columns=is_other)
+        if is_other:
+            self._columns = columns
+            for column in columns:
+                table.add_column(_cell(column, column))
         # Back at once: after the next refresh, it would undo what a key scrolls meanwhile.
         table.scroll_to(x, y, animate=False, force=True, immediate=True)
-        self._streams = streams
-        for stream in streams:
-            style = "bold red" if kinds[stream.frame] else ""
-            texts = zip(_texts(stream, kinds[stream.frame]), COLUMNS, strict=True)
-            table.add_row(*(_cell(text, column, style) for text, column in texts))
-        place = next((row for row, one in enumerate(streams) if _name_of(one) == chosen), 0)
-        table.move_cursor(row=place, scroll=False)
+        self._rows = rows
+        for row in rows:
+            style = "bold red" if kinds[row.frame] else ""
+            texts = _texts(row, kinds[row.frame], self._infos.get(row.frame), self._report.time)
+            table.add_row(*(_cell(printable(texts.get(one, "")), one, style) for one in columns))
+        place = next((number for number, row in enumerate(rows) if _key_of(row) == chosen), 0)
+        table.move_cursor(row=place, scroll=is_other)
+
+
+def _searched(row: _Row) -> str:
+    parts = [row.frame] if row.stream is None else [row.frame, row.stream.parent, row.stream.publisher]
+    return " ".join(parts).lower()
 
 
 def _cell(text: str, column: str, style: str = "") -> Text:
     # Not a str, because a name may look like markup.
     return Text(text, style=style, justify="right" if column in NUMBERS else "left", overflow="fold")
-
-
-def _name_of(stream: Stream) -> tuple[str, str, int, bool]:
-    return stream.frame, stream.parent, stream.publisher_id, stream.static

@@ -81,7 +81,7 @@ def monitor(options: Namespace) -> int:
         if not options.json and options.interval is None and _has_screen():
             from tf2_ros_tools.pictures.monitor_screen import show_screen
 
-            return show_screen(look, heard.session.where)
+            return show_screen(look, heard.buffer.frames, heard.session.where)
         _print_reports(heard, look, options)
 
 

@@ -1,17 +1,10 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""
-Runs the Python that its standard input orders, a line of JSON for each order, and answers with what came out.
-
-With the argument `laptop`, there is no rclpy for it.
-"""
+"""Runs the Python that its standard input orders, a line of JSON for each, and answers with what came out."""
 
 import json
 import sys
 import traceback
-
-if sys.argv[1:] == ["laptop"]:
-    sys.modules["rclpy"] = None  # imports of it fail
 
 
 def main():

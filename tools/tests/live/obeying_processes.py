@@ -4,11 +4,10 @@
 
 import json
 import os
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
+from processes import Forked
 from waiting import DEADLINE_S, until
 
 
@@ -17,17 +16,20 @@ class OrderError(Exception):
 
 
 class Obeying:
-    """A process that runs Python on order."""
+    """A process that runs Python on order, see `evaluates_stdin.py`; the options are those of `Forked`."""
 
-    def __init__(self, *arguments, python=sys.executable, environment=os.environ):
-        pipe = subprocess.PIPE
-        command = [str(python), str(Path(__file__).with_name("evaluates_stdin.py")), *arguments]
-        self.process = subprocess.Popen(
-            command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, env=environment
-        )
+    def __init__(self, *modules, **options):
+        reading, writing = os.pipe()
+        program = Path(__file__).with_name("evaluates_stdin.py")
+        self.process = Forked(program, modules=modules, stderr=writing, **options)
+        os.close(writing)
         self._errors = []
-        self._reading = threading.Thread(target=lambda: self._errors.extend(self.process.stderr))
+        self._reading = threading.Thread(target=self._read, args=(reading,))
         self._reading.start()
+
+    def _read(self, errors):
+        with open(errors) as lines:
+            self._errors.extend(lines)
 
     def do(self, code):
         """Run statements, or evaluate an expression, and return its value."""
@@ -57,20 +59,9 @@ class Obeying:
         return "".join(self._errors)
 
     def kill(self):
-        self.process.kill()
-        self._close()
+        self.end(0.0)
 
-    def end(self):
+    def end(self, timeout=DEADLINE_S):
         """End it as a program ends."""
-        if not self.process.stdin.closed:
-            self.process.stdin.close()
-        try:
-            self.process.wait(DEADLINE_S)
-        finally:
-            self.kill()
-
-    def _close(self):
-        self.process.wait()
+        self.process.end(timeout)
         self._reading.join()
-        for stream in (self.process.stdin, self.process.stdout, self.process.stderr):
-            stream.close()

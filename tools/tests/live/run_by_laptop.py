@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a laptop does in the tests of `tf2_ros_tools.live`; `evaluates_stdin.py` has taken rclpy from it."""
+"""What a laptop does in the tests of `tf2_ros_tools.live`; `without_rclpy.py` has taken rclpy from it."""
 
 import ctypes
 import threading

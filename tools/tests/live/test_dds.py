@@ -26,7 +26,7 @@ SECONDS = 60.0  # more than anything here takes
 @pytest.fixture
 def new_robot(processes):
     def make(**how):
-        one = Obeying(**how)
+        one = Obeying("robot_with_rclpy", **how)
         processes.append(one)
         one.do("from robot_with_rclpy import *; start()")
         return one
@@ -44,7 +44,8 @@ def new_laptop(processes):
     """Start a process without rclpy, whose `robot` is a feed."""
 
     def make(options="", where="dds://", connects=True, **environment):
-        one = Obeying("laptop", environment=os.environ | environment)
+        modules = "without_rclpy", "run_by_laptop", "tf2_ros_tools.live.dds"
+        one = Obeying(*modules, environment=os.environ | environment if environment else None)
         processes.append(one)
         one.do("from run_by_laptop import *; import logging; logging.basicConfig()")
         if connects:

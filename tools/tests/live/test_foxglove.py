@@ -41,7 +41,7 @@ def new_bridge(processes, port):
     pytest.importorskip("foxglove")
 
     def make():
-        processes.append(Obeying())
+        processes.append(Obeying("robot_with_foxglove"))
         processes[-1].do(f"from robot_with_foxglove import *; start({port})")
         return processes[-1]
 
@@ -56,7 +56,7 @@ def bridge(new_bridge):
 @pytest.fixture
 def new_laptop(processes, port):
     def make(options="", connects=True):
-        processes.append(Obeying("laptop"))
+        processes.append(Obeying("without_rclpy", "run_by_laptop", "tf2_ros_tools.live.foxglove"))
         laptop = processes[-1]
         laptop.do("from run_by_laptop import *")
         if connects:

@@ -64,7 +64,7 @@ def test_tf2_check_says_why_nothing_arrives():
 
 def test_tf2_check_names_who_is_silent_and_says_why_a_topic_is():
     environment = WITHOUT_ROS | {"ROS_DOMAIN_ID": str(claim_domain())}
-    one = Obeying(environment=environment)
+    one = Obeying("robot_with_rclpy", environment=environment)
     one.do(
         "from robot_with_rclpy import *; start(); latched('still', ('map', 'base')); "
         "publisher('idle', '/tf_static')"
@@ -96,7 +96,7 @@ def test_tf2_echo_prints_the_transform(robot):
 def simulated():
     """The environment of the laptop, in the domain of a robot that publishes /clock."""
     environment = WITHOUT_ROS | {"ROS_DOMAIN_ID": str(claim_domain())}
-    one = Obeying(environment=environment)
+    one = Obeying("robot_with_rclpy", environment=environment)
     one.do("from robot_with_rclpy import *; start(); clock()")
     yield environment
     one.end()

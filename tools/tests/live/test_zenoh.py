@@ -42,7 +42,7 @@ def new_obeying(processes):
 
 @pytest.fixture
 def new_router(new_obeying, port):
-    return lambda: new_obeying(before=f"import robot_with_zenoh; robot_with_zenoh.route({port})")
+    return lambda: new_obeying("robot_with_zenoh", before=f"import robot_with_zenoh as it; it.route({port})")
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def router(new_router):
 def new_stand_in(new_obeying, router, port):
     """Start a robot of eclipse-zenoh, which can do what a robot of rmw_zenoh never does."""
     before = "from robot_with_rclpy import *; from robot_with_zenoh import *; import robot_with_zenoh"
-    return lambda: new_obeying(before=f"{before}; start({port})")
+    return lambda: new_obeying("robot_with_zenoh", before=f"{before}; start({port})")
 
 
 @pytest.fixture
@@ -88,7 +88,8 @@ def new_laptop(new_obeying, port):
     """Start a process without rclpy, whose `robot` is a feed."""
 
     def make(options="", connects=True):
-        laptop = new_obeying("laptop", before="from run_by_laptop import *")
+        modules = "without_rclpy", "run_by_laptop", "tf2_ros_tools.live.zenoh"
+        laptop = new_obeying(*modules, before="from run_by_laptop import *")
         if connects:
             laptop.do(f"robot = connect('zenoh://127.0.0.1:{port}', {options})")
         return laptop

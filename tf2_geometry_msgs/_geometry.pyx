@@ -45,6 +45,8 @@ from geometry_msgs.msg import (
     PoseWithCovarianceStamped,
     Quaternion,
     QuaternionStamped,
+    Transform as _TransformMessage,
+    TransformStamped,
     Twist,
     TwistStamped,
     Vector3,
@@ -68,6 +70,7 @@ cdef enum:
 
 cnp.import_array()
 load_layouts()
+globals()["Transform"] = _TransformMessage  # for hints; in the code, it is a struct
 
 cdef Layout point_layout = Layout(Point, ("x", "y", "z"))
 cdef Layout point32_layout = Layout(Point32, ("x", "y", "z"))
@@ -368,8 +371,8 @@ cdef bint _has_axes(object message):
 
 
 def transform_covariance(
-    cov_in: Sequence[float] | NDArray[np.float64], transform: TransformStamped | Transform
-) -> NDArray[np.float64]:
+    cov_in: list[float] | np.ndarray, transform: TransformStamped | Transform
+) -> np.ndarray:
     """
     Rotate the covariance matrix of a pose from the child frame of ``transform`` to its parent frame.
 

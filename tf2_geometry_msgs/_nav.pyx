@@ -17,7 +17,7 @@ from tf2_geometry_msgs._geometry cimport (
 )
 from tf2_py._internal cimport Layout, Transform, header_layout, nanoseconds, new_header, read_transform
 
-from geometry_msgs.msg import Twist, TwistWithCovariance
+from geometry_msgs.msg import TransformStamped, Twist, TwistWithCovariance
 from nav_msgs.msg import Odometry, Path
 
 cdef Layout path_layout = Layout(Path, ("header", "poses"))

@@ -49,6 +49,7 @@ from tf2_py._objects.errors import (
     TimeoutException,
     TransformException,
 )
+from tf2_py._objects.late_hints import LateHints
 from tf2_py.printable import printable
 
 __all__ = [
@@ -151,7 +152,7 @@ cdef class BufferCore(Engine):
 
     def __init__(
         self,
-        cache_time: Duration | None = None,
+        cache_time: DurationLike | None = None,
         *,
         max_frames: int | None = None,
         max_bytes: int | None = None,
@@ -458,7 +459,7 @@ cdef class BufferCore(Engine):
             self.log_1970(status.requested_ns)
         return (0, str(self.error(query, status, "canTransform")))
 
-    def lookup_transform_core(self, target_frame: str, source_frame: str, time: Time) -> TransformStamped:
+    def lookup_transform_core(self, target_frame: str, source_frame: str, time: TimeLike) -> TransformStamped:
         """
         Get the pose of ``source_frame`` in ``target_frame``, which transforms data from source to target.
 
@@ -483,7 +484,12 @@ cdef class BufferCore(Engine):
         return self._answer(&query, target_frame, source_frame)
 
     def lookup_transform_full_core(
-        self, target_frame: str, target_time: Time, source_frame: str, source_time: Time, fixed_frame: str
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
     ) -> TransformStamped:
         """
         Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``.
@@ -508,10 +514,10 @@ cdef class BufferCore(Engine):
         self,
         target_frame: str,
         source_frame: str | Sequence[str],
-        times: ArrayLike | Sequence[Time],
+        times: TimesLike,
         *,
         fixed_frame: str | None = None,
-        target_time: Time | None = None,
+        target_time: TimeLike | None = None,
         on_missing: Literal["raise", "nan"] = "raise",
         **policy: Unpack[LookupPolicy],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -550,11 +556,11 @@ cdef class BufferCore(Engine):
         self,
         target_frame: str,
         source_frame: str,
-        time: Time,
+        time: TimeLike,
         out: NDArray[np.floating] | None = None,
         *,
         fixed_frame: str | None = None,
-        target_time: Time | None = None,
+        target_time: TimeLike | None = None,
         **policy: Unpack[LookupPolicy],
     ) -> NDArray[np.floating]:
         """
@@ -605,10 +611,10 @@ cdef class BufferCore(Engine):
         self,
         target_frame: str,
         source_frame: str | Sequence[str],
-        times: ArrayLike | Sequence[Time],
+        times: TimesLike,
         *,
         fixed_frame: str | None = None,
-        target_time: Time | None = None,
+        target_time: TimeLike | None = None,
         on_missing: Literal["raise", "nan"] = "raise",
         **policy: Unpack[LookupPolicy],
     ) -> NDArray[np.float64]:
@@ -668,12 +674,12 @@ cdef class BufferCore(Engine):
     def transform_points(
         self,
         points: NDArray[np.floating],
-        times: ArrayLike | Sequence[Time],
+        times: TimesLike,
         target_frame: str,
         source_frame: str,
         *,
         fixed_frame: str | None = None,
-        target_time: Time | None = None,
+        target_time: TimeLike | None = None,
         **policy: Unpack[LookupPolicy],
     ) -> NDArray[np.floating]:
         """
@@ -738,7 +744,7 @@ cdef class BufferCore(Engine):
             raise error
         return 0
 
-    def can_transform_core(self, target_frame: str, source_frame: str, time: Time) -> tuple[int, str]:
+    def can_transform_core(self, target_frame: str, source_frame: str, time: TimeLike) -> tuple[int, str]:
         """
         Return whether :meth:`lookup_transform_core` would succeed: ``(1, '')``, or ``(0, reason)``.
 
@@ -749,7 +755,12 @@ cdef class BufferCore(Engine):
         return self._can(&query)
 
     def can_transform_full_core(
-        self, target_frame: str, target_time: Time, source_frame: str, source_time: Time, fixed_frame: str
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
     ) -> tuple[int, str]:
         """Return whether :meth:`lookup_transform_full_core` would succeed; see :meth:`can_transform_core`."""
         cdef Query query
@@ -783,7 +794,7 @@ cdef class BufferCore(Engine):
         raise error
 
     def explain(
-        self, target_frame: str, source_frame: str, time: Time, **policy: Unpack[LookupPolicy]
+        self, target_frame: str, source_frame: str, time: TimeLike, **policy: Unpack[LookupPolicy]
     ) -> Explanation:
         """
         Get why a lookup has its answer: each hop, with the samples that have answered. It does not wait.
@@ -890,7 +901,7 @@ cdef class BufferCore(Engine):
 
     def _poses_between(
         self, target_frame: str, source_frame: str, first_ns: int, last_ns: int, turn: float, move: float,
-        most: int, *, fixed_frame: str | None = None, target_time: Time | None = None,
+        most: int, *, fixed_frame: str | None = None, target_time: TimeLike | None = None,
         **policy: Unpack[LookupPolicy],
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
         """
@@ -931,7 +942,7 @@ cdef class BufferCore(Engine):
             knots_free(&knots)
 
     def lookupVelocityCore(
-        self, tracking_frame: str, observation_frame: str, time: Time, averaging_interval: Duration
+        self, tracking_frame: str, observation_frame: str, time: TimeLike, averaging_interval: DurationLike
     ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
         """
         Get the twist of ``tracking_frame``'s origin relative to ``observation_frame``, in the latter's axes.
@@ -952,8 +963,8 @@ cdef class BufferCore(Engine):
         reference_frame: str,
         reference_point: Sequence[float],
         reference_point_frame: str,
-        time: Time,
-        averaging_interval: Duration,
+        time: TimeLike,
+        averaging_interval: DurationLike,
     ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
         """
         Get the mean twist of ``tracking_frame`` relative to ``observation_frame`` around a time.
@@ -1008,9 +1019,9 @@ cdef class BufferCore(Engine):
         self,
         target_frame: str,
         source_frame: str,
-        time: Time,
+        time: TimeLike,
         fixed_frame: str | None = None,
-        target_time: Time | None = None,
+        target_time: TimeLike | None = None,
         policy: Any = None,
     ) -> TransformStamped:
         """Look up as :meth:`lookup_transform_core`, or at two times, under a policy of ``policy_of``."""
@@ -1024,9 +1035,9 @@ cdef class BufferCore(Engine):
         self,
         target_frame: str,
         source_frame: str,
-        time: Time,
+        time: TimeLike,
         fixed_frame: str | None = None,
-        target_time: Time | None = None,
+        target_time: TimeLike | None = None,
         notify: Callable[[TransformStamped], Any] | None = None,
         policy: Any = None,
         after: Wait | None = None,
@@ -1105,7 +1116,7 @@ cdef class BufferCore(Engine):
             raise name_error(frame, "frame", call, self._advice, self._tf2_names)
         return 0
 
-    def parent(self, frame: str, time: Time = 0) -> str | None:
+    def parent(self, frame: str, time: TimeLike = 0) -> str | None:
         """
         Get the parent of a frame.
 
@@ -1136,7 +1147,7 @@ cdef class BufferCore(Engine):
         self._require_frame(frame, "children")
         return [one.name for one in self.frame_facts() if one.parent == frame]
 
-    def path(self, target_frame: str, source_frame: str, time: Time = 0) -> list[str]:
+    def path(self, target_frame: str, source_frame: str, time: TimeLike = 0) -> list[str]:
         """
         Get the frames from ``source_frame`` up to the common ancestor and down to ``target_frame``.
 
@@ -1168,7 +1179,7 @@ cdef class BufferCore(Engine):
         """Get one sentence for each frame that was ever a child; see also :meth:`all_frames_as_yaml`."""
         return listings.as_string(self.frame_facts())
 
-    def _allFramesAsDot(self, time: Time | None = None) -> str:
+    def _allFramesAsDot(self, time: TimeLike | None = None) -> str:
         """
         Get the frames with data as a Graphviz digraph; see also :meth:`all_frames_as_yaml`.
 
@@ -1189,7 +1200,12 @@ cdef class BufferCore(Engine):
         return self._tf2_names()
 
     def _chain(
-        self, target_frame: str, target_time: Time, source_frame: str, source_time: Time, fixed_frame: str
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
     ) -> list[str]:
         """Get the frames from the source up to the common ancestor and down to the target, each once."""
         catch_up(self)
@@ -1224,6 +1240,12 @@ with warnings.catch_warnings():
                     BufferCore.set_transforms_cdr):
         _setter.__defaults__ = _setter.__defaults__[1:] or None
     del _setter
+
+for _method in vars(BufferCore).values():
+    _method = getattr(_method, "__func__", _method)     # of a class method
+    if hasattr(_method, "__annotations__"):
+        _method.__annotations__ = LateHints(_method.__annotations__, globals())
+del _method
 
 
 cdef tuple _times_and_missing(times, bint is_nan_wanted):

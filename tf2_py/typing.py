@@ -3,8 +3,10 @@
 """Types of times, durations and a lookup's policy, for the signatures of this project and of programs."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import timedelta
-from typing import Protocol, TypedDict
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Protocol, TypedDict, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +20,25 @@ __all__ = [
     "TimeLike",
     "TimesLike",
 ]
+
+if TYPE_CHECKING:
+    from typing_extensions import Self as Self
+    from typing_extensions import TypeVarTuple as TypeVarTuple
+    from typing_extensions import Unpack as Unpack
+else:
+
+    def _newer(name: str, otherwise: Any) -> Any:
+        """A name that not every ``typing`` has; else that of ``typing_extensions``, if it is installed."""
+        for module in ("typing", "typing_extensions"):
+            with suppress(ImportError, AttributeError):
+                return getattr(import_module(module), name)
+        return otherwise
+
+    # Without them, hints are less exact.
+    Self = _newer("Self", Any)
+    TypeVarTuple = _newer("TypeVarTuple", lambda name: Any)
+    Unpack = _newer("Unpack", Union)  # of one type, which is that type
+    TypeAliasType = _newer("TypeAliasType", lambda name, value: value)
 
 
 class HasNanoseconds(Protocol):
@@ -49,6 +70,12 @@ DurationLike = HasNanoseconds | HasSecNanosec | timedelta | float
 
 #: One duration for all frames, or a mapping from frame names to durations.
 DurationsLike = DurationLike | Mapping[str, DurationLike]
+
+if not TYPE_CHECKING:  # signatures then show the names, not what these stand for
+    TimeLike = TypeAliasType("TimeLike", TimeLike)
+    TimesLike = TypeAliasType("TimesLike", TimesLike)
+    DurationLike = TypeAliasType("DurationLike", DurationLike)
+    DurationsLike = TypeAliasType("DurationsLike", DurationsLike)
 
 
 class LookupPolicy(TypedDict, total=False):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import tf2_py as tf2
 from tf2_py import BufferCore, TransformException
 from tf2_py._internal import duration_ns, log, policy_of
-from tf2_py.typing import DurationLike, DurationsLike, TimeLike
+from tf2_py.typing import DurationLike, DurationsLike, LookupPolicy, TimeLike, Unpack
 from tf2_ros._arguments import kind_of, require_callable
 from tf2_ros._buffer_clock import BufferClock
 from tf2_ros._buffer_fillers import BufferSource, add_source, begin_fillers, note_filler
@@ -26,10 +26,6 @@ from tf2_ros._wait.pending import ChangeSubscription
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros_cython._ros_presence import HAS_ROS, absence
 
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
-
-    from tf2_py.typing import LookupPolicy
 if TYPE_CHECKING or HAS_ROS:
     from rclpy.clock import Clock, ClockChange, JumpHandle, JumpThreshold, TimeJump
     from rclpy.duration import Duration

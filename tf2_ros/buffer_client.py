@@ -11,7 +11,7 @@ import weakref
 from collections.abc import Callable, Generator, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 from uuid import uuid4
 
 from action_msgs.msg import GoalInfo, GoalStatus
@@ -28,7 +28,7 @@ from tf2_msgs.msg import TF2Error
 from tf2_py import TimeoutException, TransformException
 from tf2_py._internal import class_name, duration_ns, errors, frame_name, policy_of
 from tf2_py.printable import printable
-from tf2_py.typing import DurationLike, LookupPolicy, TimeLike
+from tf2_py.typing import DurationLike, LookupPolicy, TimeLike, Unpack
 from tf2_ros._arguments import optional_timeout_ns
 from tf2_ros._buffer_fillers import SHUT_DOWN
 from tf2_ros._calls.call_runners import call_queue_of
@@ -44,9 +44,6 @@ from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.lookup_or_wait import warn_in_a_loop
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros.buffer_server import CODES, GOAL_SERVICE, STATUS_TOPIC
-
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
 
 __all__ = [
     "ActionClient",

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, overload
 
 import tf2_py as tf2
 from tf2_py import TransformException
-from tf2_py.typing import DurationLike, TimeLike
+from tf2_py.typing import DurationLike, LookupPolicy, TimeLike, Unpack
 from tf2_ros._frame_prefix import source_of
 from tf2_ros._messages import Header, PoseStamped, TransformStamped, time_msg
 from tf2_ros._registration import (
@@ -20,9 +20,6 @@ from tf2_ros_cython._ros_presence import HAS_ROS
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2
     from typing_extensions import TypeVar as _TypeVarWithDefault
-    from typing_extensions import Unpack
-
-    from tf2_py.typing import LookupPolicy
 if TYPE_CHECKING or HAS_ROS:
     from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
     from rclpy.duration import Duration

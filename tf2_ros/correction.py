@@ -6,22 +6,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from tf2_py import BufferCore, LookupException, TransformException, stored_name
+from tf2_py import BufferCore, FrameInfo, LookupException, TransformException, stored_name
 from tf2_py._internal import as_times_ns, seconds, stamp_parts
+from tf2_py.typing import TimesLike
 from tf2_ros._arguments import kind_of
 from tf2_ros._messages import TransformStamped
-from tf2_ros.numpy import to_arrays, to_matrix
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from tf2_py import FrameInfo
-    from tf2_py.typing import TimesLike
-    from tf2_ros.numpy import Array, Message, Pair
+from tf2_ros.numpy import Array, Message, Pair, to_arrays, to_matrix
 
 __all__ = ["correct"]
 

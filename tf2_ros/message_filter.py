@@ -29,7 +29,7 @@ from tf2_py._internal import (
     time_ns,
 )
 from tf2_py.printable import counted, printable
-from tf2_py.typing import DurationLike, LookupPolicy
+from tf2_py.typing import DurationLike, LookupPolicy, TypeVarTuple, Unpack
 from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable
 from tf2_ros._calls import call_queue
 from tf2_ros._calls.call_runners import ExecutorRunner, call_queue_of
@@ -49,14 +49,14 @@ MANY = 20
 WARN_EVERY_S = 15.0
 
 if TYPE_CHECKING:
-    from typing_extensions import TypeVar, TypeVarTuple, Unpack
+    from typing_extensions import TypeVar
 
     _Message = TypeVar("_Message", default=Any)
-    _More = TypeVarTuple("_More")
 else:
     from typing import TypeVar
 
     _Message = TypeVar("_Message")
+_More = TypeVarTuple("_More")
 _Topic = tuple[type[_Message], str, QoSProfile | int]
 _Callback = tuple[Callable[..., object], tuple[Any, ...]]
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from copy import deepcopy
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
+from typing import Any, TypeAlias, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +18,8 @@ from tf2_py._internal import (
     normalize,
     time_ns,
 )
+from tf2_py.typing import TimesLike
 from tf2_ros._messages import Header, Pose, PoseStamped, Quaternion, Transform, TransformStamped
-
-if TYPE_CHECKING:
-    from tf2_py.typing import TimesLike
 
 __all__ = [
     "from_matrix",

@@ -54,7 +54,7 @@ cdef enum:
 
 
 cdef class MessageSource:
-    """
+    """MessageSource(topic, static=False, prefix='')\n--\n
     A topic whose transforms are wanted.
 
     :param str topic: its name, which is also the authority of its transforms.

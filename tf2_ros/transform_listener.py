@@ -8,7 +8,7 @@ import gc
 import inspect
 import os
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
@@ -19,6 +19,7 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_py._internal import MalformedObjectError, class_name
+from tf2_py.typing import Self
 from tf2_ros._arguments import kind_of
 from tf2_ros._calls.call_runners import call_queue_of
 from tf2_ros._frame_prefix import valid_prefix, with_prefix
@@ -43,9 +44,6 @@ from tf2_ros._receive.listener_topics import Topic, describe_topics
 from tf2_ros._receive.silent_topics import note_listener
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
-
-if TYPE_CHECKING:
-    from typing_extensions import Self
 
 __all__ = [
     "Buffer",

@@ -38,14 +38,17 @@ from tf2_sensor_msgs._avx2_points cimport (
 import operator
 import sys
 from array import array as byte_array
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from geometry_msgs.msg import Transform as TransformMessage, TransformStamped
+from numpy.typing import ArrayLike, NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 
 from tf2_sensor_msgs._errors import FieldError, SizeError
 
 cnp.import_array()
+globals()["Transform"] = TransformMessage   # for hints; in the code, it is a struct
 
 include "_coordinates.pxi"
 

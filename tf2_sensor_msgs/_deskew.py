@@ -6,7 +6,7 @@ import contextlib
 import re
 import time
 import warnings
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +22,12 @@ from tf2_py._internal import (
     time_ns,
 )
 from tf2_py.printable import printable
+from tf2_py.typing import DurationLike, LookupPolicy, TimeLike, TimesLike, Unpack
 from tf2_ros import BufferCore, FrameInfo, LookupException, TransformException
 from tf2_ros._arguments import kind_of
 from tf2_ros._frame_prefix import frame_of
 from tf2_sensor_msgs._cloud import find_span, move_points, read_times, require_cloud
 from tf2_sensor_msgs._time_field import KNOWN, NAMES, S, TimeField, Unit, find_time_field
-
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
-
-    from tf2_py.typing import DurationLike, LookupPolicy, TimeLike, TimesLike
 
 # A ROS stamp holds no more seconds than these. So a larger number in a `timestamp` is nanoseconds.
 MOST_SECONDS = 2.0**31
@@ -65,7 +61,7 @@ class Motion(NamedTuple):
     target_frame: str
     source_frame: str
     fixed: dict[str, Any]  # fixed_frame and target_time, or nothing
-    policy: "LookupPolicy"
+    policy: LookupPolicy
 
     def matrices(self, times: NDArray[np.int64], **how: Any) -> NDArray[np.float64]:
         times = np.where(times == 0, NOT_LATEST_NS, times)
@@ -82,14 +78,14 @@ def deskew(
     buffer: BufferCore,
     target_frame: str,
     fixed_frame: str | None = None,
-    target_time: "TimeLike | None" = None,
+    target_time: TimeLike | None = None,
     *,
-    times: "TimesLike | None" = None,
-    time_unit: "DurationLike | None" = None,
-    timeout: "DurationLike" = 0,
+    times: TimesLike | None = None,
+    time_unit: DurationLike | None = None,
+    timeout: DurationLike = 0,
     on_missing: Literal["raise", "nan"] = "raise",
     prefix: str = "",
-    **policy: "Unpack[LookupPolicy]",
+    **policy: Unpack[LookupPolicy],
 ) -> PointCloud2:
     """
     Transform each point of a cloud from where the sensor was when it measured that point.
@@ -206,7 +202,7 @@ class Sweep(NamedTuple):
 
 
 def _read_sweep(
-    cloud: PointCloud2, stamp_ns: int, times: "TimesLike | None", time_unit: "DurationLike | None"
+    cloud: PointCloud2, stamp_ns: int, times: TimesLike | None, time_unit: DurationLike | None
 ) -> Sweep:
     size = cloud.height * cloud.width
     if times is not None:
@@ -269,7 +265,7 @@ def _target_ns(
     buffer: Any,
     target_frame: str,
     fixed_frame: str,
-    target_time: "TimeLike | None",
+    target_time: TimeLike | None,
     stamp_ns: int,
     until_ns: int,
 ) -> int:
@@ -331,7 +327,7 @@ def _require_floats(cloud: PointCloud2) -> None:
             raise ValueError(f"on_missing: 'nan' needs coordinates that are floats, but {name} is {kind}")
 
 
-def _timeout_ns(buffer: BufferCore, timeout: "DurationLike") -> int:
+def _timeout_ns(buffer: BufferCore, timeout: DurationLike) -> int:
     timeout_ns = duration_ns(timeout, "timeout")
     if timeout_ns > 0 and not hasattr(buffer, "lookup_transform"):
         raise TypeError(f"timeout: only a tf2_ros.Buffer can wait, not a {type(buffer).__name__}")

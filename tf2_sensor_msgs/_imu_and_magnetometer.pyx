@@ -18,6 +18,7 @@ from tf2_geometry_msgs._geometry cimport (
 )
 from tf2_py._internal cimport Layout, Transform, quaternion_conjugate, quaternion_multiply, read_transform
 
+from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import Imu, MagneticField
 
 cdef Layout imu_layout = Layout(

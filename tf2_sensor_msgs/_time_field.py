@@ -4,16 +4,14 @@
 
 from collections.abc import Iterable
 from numbers import Real
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from sensor_msgs.msg import PointCloud2, PointField
 
 from tf2_py._internal import duration_ns
 from tf2_py.printable import printable
+from tf2_py.typing import DurationLike
 from tf2_sensor_msgs._errors import FieldError
-
-if TYPE_CHECKING:
-    from tf2_py.typing import DurationLike
 
 S = 1_000_000_000
 LONGEST_UNIT_NS = 3600 * S
@@ -63,7 +61,7 @@ class TimeField(NamedTuple):
         return self.base_ns + whole * self.unit.ns + round((number - whole) * self.unit.ns)
 
 
-def _unit_ns(time_unit: "DurationLike") -> int:
+def _unit_ns(time_unit: DurationLike) -> int:
     unit_ns = duration_ns(time_unit, "time_unit")
     # A duration in seconds is cut off to whole ns, and 15e-9 s would be 14 ns.
     exact_ns = float(time_unit) * S if isinstance(time_unit, Real) else unit_ns
@@ -74,7 +72,7 @@ def _unit_ns(time_unit: "DurationLike") -> int:
     return round(exact_ns)
 
 
-def find_time_field(cloud: PointCloud2, stamp_ns: int, time_unit: "DurationLike | None") -> TimeField:
+def find_time_field(cloud: PointCloud2, stamp_ns: int, time_unit: DurationLike | None) -> TimeField:
     """The first of the known fields that a cloud has; ``time_unit``: what a 1 means, if that is said."""
     unit_ns = None if time_unit is None else _unit_ns(time_unit)
     datatypes = {field.name: field.datatype for field in reversed(list(cloud.fields))}

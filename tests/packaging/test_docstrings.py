@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What `help` says: every public class has an example, which runs; lookups begin with the direction."""
+"""What `help` says: every public class has an example, which runs; and the hints, which resolve."""
 
 import doctest
 import importlib
 import inspect
+import typing
 
 import pytest
 from spinning_nodes import spun_node
@@ -12,6 +13,7 @@ from spinning_nodes import spun_node
 from tf2_ros_cython import _installation
 
 OF_ARRAYS = importlib.import_module("tf2_ros.numpy")
+CORRECTION = importlib.import_module("tf2_ros.correction")
 # The texts of these modules and of their functions have examples.
 WHOLE = [importlib.import_module(name) for name in ("tf2_ros.records", "tf2_ros.serialization")]
 
@@ -86,3 +88,42 @@ def faults(lines, variables):
     runner = doctest.DocTestRunner(verbose=False)
     runner.run(doctest.DocTest(lines, variables, "example", None, None, None), out=said.append)
     return said
+
+
+# Hints.
+
+
+def methods_of(cls):
+    """Those that this project defines, by name; first those of the class, then those of its bases."""
+    ours = [base for base in cls.__mro__ if base.__module__.partition(".")[0] in _installation.PACKAGES]
+    found = {}
+    for name, member in (item for base in ours for item in vars(base).items()):
+        member = getattr(member, "__func__", getattr(member, "fget", member))
+        if inspect.isroutine(member) and (not name.startswith("_") or name == "__init__"):
+            found.setdefault(name, member)
+    return found
+
+
+def functions():
+    """The public functions, and the public methods of classes, by name."""
+    things = dict(PUBLIC)
+    for module in (CORRECTION, *WHOLE):
+        things |= {name: getattr(module, name) for name in module.__all__}
+    found = {name: thing for name, thing in things.items() if inspect.isroutine(thing)}
+    for name, thing in things.items():
+        if inspect.isclass(thing):
+            found |= {f"{name}.{of}": method for of, method in methods_of(thing).items()}
+    return found
+
+
+FUNCTIONS = functions()
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_hints_resolve_at_run_time(name):
+    hints = typing.get_type_hints(FUNCTIONS[name])
+    annotated = inspect.signature(FUNCTIONS[name], eval_str=True)
+    assert {*hints} - {"return"} <= {*annotated.parameters}
+    annotations = [one.annotation for one in annotated.parameters.values()]
+    for one in (*hints.values(), *annotations, annotated.return_annotation):
+        assert not isinstance(one, (str, typing.ForwardRef)), one

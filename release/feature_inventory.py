@@ -41,7 +41,7 @@ buffer server and client | programs without a buffer of their own: lookups by an
 waits, futures, callbacks | nodes that wait: timeouts count in callbacks, and waits end at the arrival
     tf2_ros/_wait/* *wait* *futures* *test_callbacks* *changes* *spin* */threads.py
     *test_threads* *call_queue* */background.py *rclpy_inside* tf2_ros/_rclpy* *async* *awaiting* *coroutine*
-    */_live_objects.py tf2_ros/_buffer_fillers.py
+    */_live_objects.py tf2_ros/_sources.py
     *sources_without_node* docs/callbacks.md docs/asyncio.md
     *ended_nodes* *ends_listeners_in_any_order* */_running_loop.py
     tf2_ros/_calls/*

@@ -25,8 +25,8 @@ from tf2_py import Hop as Hop
 from tf2_py import __version__ as __version__
 from tf2_py import stored_name as stored_name
 from tf2_ros import buffer, buffer_interface
-from tf2_ros._buffer_fillers import BufferSource as BufferSource
 from tf2_ros._messages import Header, PoseStamped, TransformStamped
+from tf2_ros._sources import BufferSource as BufferSource
 from tf2_ros.buffer import Buffer, FrameGraphSrvRequest, FrameGraphSrvResponse
 from tf2_ros.buffer_interface import (
     BufferInterface,

@@ -12,7 +12,6 @@ from libc.stdint cimport int64_t, uint64_t
 
 from tf2_py._internal cimport ClockHook, ClockReading, monotonic_ns, nanoseconds, system_ns
 
-from tf2_ros._buffer_fillers import has_filler
 from tf2_ros_cython import _ros_presence
 
 if _ros_presence.HAS_ROS:
@@ -76,7 +75,7 @@ cdef class BufferClock(ClockHook):
             is_back = readings and self._shown_ns + passed_ns - reading.now_ns >= limit_ns
             self._readings += 1
             self._shown_ns, self._steady_ns = reading.now_ns, monotonic_ns()
-            if is_back and has_filler(buffer):
+            if is_back and buffer._tf2_sources.has_any:
                 buffer.time_jump_callback(None)
         return True
 

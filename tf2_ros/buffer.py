@@ -16,9 +16,9 @@ from tf2_py._internal import duration_ns, log, policy_of
 from tf2_py.typing import DurationLike, DurationsLike, LookupPolicy, TimeLike, Unpack
 from tf2_ros._arguments import kind_of, require_callable
 from tf2_ros._buffer_clock import BufferClock
-from tf2_ros._buffer_fillers import BufferSource, add_source, begin_fillers, note_filler
 from tf2_ros._messages import TransformStamped
 from tf2_ros._process.background import check_regularly
+from tf2_ros._sources import BufferSource, Sources, add_node, add_source, silence_of
 from tf2_ros._wait.changes_iterator import Changes
 from tf2_ros._wait.futures import TransformFuture, WakingFuture, end_for
 from tf2_ros._wait.lookup_or_wait import Lookup
@@ -65,7 +65,7 @@ JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
 # What belongs to one buffer; a copy has its own.
-_OF_INIT = frozenset("registration _tf2_kept _tf2_fillers srv jump_handle _tf2_node _tf2_clock".split())
+_OF_INIT = frozenset("registration _tf2_kept _tf2_sources srv jump_handle _tf2_node _tf2_clock".split())
 
 
 class Buffer(BufferCore, BufferInterface):
@@ -145,11 +145,12 @@ class Buffer(BufferCore, BufferInterface):
 
     def __connect(self, node: "Node | None") -> None:
         BufferInterface.__init__(self)
-        self._tf2_fillers = begin_fillers(self)
+        self._tf2_sources = Sources()
+        BufferCore._describe_silence_with(self, silence_of)  # that nothing fills it
         self.__follow(Clock() if node is None else node.get_clock(), reports_jumps=True)
         if not HAS_ROS:
             return
-        note_filler(node, self)
+        add_node(node, self)
         self.srv: Service | None = None
         self._tf2_node = None if node is None else weakref.ref(node)
         if node is not None:

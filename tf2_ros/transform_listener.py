@@ -41,7 +41,7 @@ from tf2_ros._receive.inbox import AUTHORITY
 from tf2_ros._receive.listener_receiver import ListenerGroup, Receiver
 from tf2_ros._receive.listener_state import ListenerState
 from tf2_ros._receive.listener_topics import Topic, describe_topics
-from tf2_ros._receive.silent_topics import note_listener
+from tf2_ros._sources import add_listener
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
 
@@ -198,7 +198,7 @@ class TransformListener:
             if is_node(self.node):
                 listening.call_queue = call_queue_of(self.node)
             self.__listen()
-            note_listener(self)
+            add_listener(self)
             if spin_thread or listening.owns_node:
                 self.__spin()
         except BaseException:
@@ -217,7 +217,7 @@ class TransformListener:
         listening.buffer = buffer
         if listening.receiver is not None:
             listening.receiver.redirect(self.__direct_buffer())
-        note_listener(self)
+        add_listener(self)
 
     @property
     def receives(self) -> tuple[str, ...]:

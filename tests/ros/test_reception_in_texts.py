@@ -24,7 +24,7 @@ NOTHING = "nothing has been received on /tf or on /tf_static"
 @pytest.fixture(autouse=True)
 def slow_machine(monkeypatch):
     """No topic falls silent between two steps of a test."""
-    monkeypatch.setattr("tf2_ros._receive.silent_topics.SILENT_S", 1000)
+    monkeypatch.setattr("tf2_ros._sources.SILENT_S", 1000)
 
 
 def error(buffer, target="map", source="robot", time=LATEST):
@@ -103,7 +103,7 @@ class TestErrors:
     def test_a_topic_that_falls_silent_is_named_with_the_seconds(
         self, tf2_ros, new_node, executor, peer, monkeypatch, simulated
     ):
-        monkeypatch.setattr("tf2_ros._receive.silent_topics.SILENT_S", 1)
+        monkeypatch.setattr("tf2_ros._sources.SILENT_S", 1)
         node = new_node("silent", parameter_overrides=[Parameter("use_sim_time", value=simulated)])
         executor.add_node(node)
         buffer = tf2_ros.Buffer(node=node)

@@ -21,12 +21,12 @@ from functools import partial
 from threading import get_ident, main_thread
 
 from tf2_py._internal import log
-from tf2_ros._buffer_fillers import Fillers
 from tf2_ros._nodes.ended_nodes import node_has_ended
 from tf2_ros._process.background import check_regularly
 from tf2_ros._process.forking import is_inherited, keep_in_children
 from tf2_ros._process.threads import callbacks
 from tf2_ros._rclpy import context_was_shut_down
+from tf2_ros._sources import sources_of
 from tf2_ros._wait.pending import call_all
 
 WARN_S = 10.0   # how long calls wait for what runs the node before a warning says so
@@ -169,8 +169,7 @@ cdef class CallQueue:
 
 def call_queue_for(buffer):
     """Find the queue for a buffer: of its latest listener whose node has not ended; None if there is none."""
-    fillers = getattr(buffer, "_tf2_fillers", None)
-    for reference in reversed(fillers.call_queues if isinstance(fillers, Fillers) else ()):
+    for reference in reversed(sources_of(buffer).call_queues):
         found = reference()
         if found is not None and not found.has_ended():
             return found

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
 from tf2_py._internal import errors
 from tf2_ros._arguments import optional_timeout_ns
-from tf2_ros._buffer_fillers import Shutdown
 from tf2_ros._messages import TransformStamped
 from tf2_ros._process.background import NEVER_NS, background
 from tf2_ros._process.forking import FORKED, is_inherited
 from tf2_ros._running_loop import running_loop
+from tf2_ros._sources import Shutdown
 from tf2_ros._wait.asyncio_tasks import LoopWaker
 from tf2_ros._wait.pending import end_referred
 from tf2_ros_cython._ros_presence import HAS_ROS

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 from tf2_py import BufferCore, TransformException
 from tf2_py._internal import errors, log, time_ns
-from tf2_ros._buffer_fillers import Shutdown
 from tf2_ros._running_loop import running_loop
+from tf2_ros._sources import Shutdown
 
 
 def warn_in_a_loop() -> None:

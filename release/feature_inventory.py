@@ -44,11 +44,11 @@ waits, futures, callbacks | nodes that wait: timeouts count in callbacks, and wa
     */_live_objects.py tf2_ros/_sources.py
     *sources_without_node* docs/callbacks.md docs/asyncio.md
     *ended_nodes* *ends_listeners_in_any_order* */_running_loop.py
-    tf2_ros/_calls/*
 forks and signals | users of multiprocessing and Ctrl-C: children and handlers do not hang
     *fork* *interrupt* *late_signals* *stack_at_alarm* *exits_while_active*
 receiver | nodes with a listener: transforms arrive without spinning, at a tenth of the CPU time
     tf2_ros/_receive/* tf2_ros/_rcl.* tf2_ros/*listen* tf2_py/core/batch* tf2_ros/_qos.py *hidden_nodes*
+    tf2_ros/_process/inbox*
     tf2_py/engine/engine_hooks* tests/ros/test_inbox* *who_takes* *listener* *receiver* *reception_in_texts*
     *lost_messages* *publishes_in_bursts* *rcl_declarations* *faulty_middleware* *excused_faults*
     *half_discovered_server* *large_messages* *floods* *listed_source* *test_cdr* */core/cdr*

@@ -11,6 +11,8 @@ another process publishes, and forked children. The numbers of a transform follo
 answer can be checked. At the end of a round, the statistics must agree with what was inserted, each wait must
 have ended or still lack its transform, and no thread may remain.
 
+A tenth of the time before these rounds, several threads insert what one subscription to changes follows.
+
 After each round, memory, threads and descriptors are read. After the first quarter of the rounds, they
 may rise by less than 8 MB of resident memory, 4 MB of the C heap, 5000 of Python's blocks, and 1.5
 threads or descriptors: a longer run detects smaller leaks.
@@ -28,12 +30,14 @@ from reliability.own_ros_domain import use_own_domain
 from reliability.process_growth import BOUNDS, growth, sample
 
 ROUND_S = 5.0
+CHANGES_SHARE = 0.1  # of the time
 
 
 def stress(seconds, seed):
     """Run rounds for this many seconds; return whether nothing went wrong."""
     import rclpy
 
+    from reliability.stress_changes import follow_changes
     from reliability.stress_round import Round
 
     faulthandler.enable()
@@ -45,8 +49,10 @@ def stress(seconds, seed):
     rclpy.logging.set_logger_level("tf2_py", rclpy.logging.LoggingSeverity.ERROR)
     rng = random.Random(seed)
     sys.setswitchinterval(rng.choice((0.005, 0.0005, 0.00005)))
-    problems, totals, samples = [], {}, []
+    totals, samples = {}, []
     end_s = time.monotonic() + seconds
+    problems, rounds = follow_changes(seconds * CHANGES_SHARE)
+    print(f"changes were followed {rounds} times", flush=True)
     while len(samples) < 2 or time.monotonic() < end_s:
         one = Round(rng.randrange(10**6))
         print(f"round {len(samples) + 1}: {one}", flush=True)

@@ -9,10 +9,14 @@ from functools import partial
 from typing import NoReturn
 
 from tf2_ros._process.threads import callbacks
-from tf2_ros._wait.pending import PendingFuture, call_all
+from tf2_ros._wait.pending import call_all
 from tf2_ros_cython._ros_presence import absence
 
-BaseFuture = PendingFuture
+HEEDS_FUTURES = True
+
+
+class Future:
+    """Adds nothing to a ``PendingFuture``."""
 
 
 class InvalidHandle(Exception):

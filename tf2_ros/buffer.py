@@ -420,7 +420,8 @@ class Buffer(BufferCore, BufferInterface):
         accepted = policy_of("on_change", True, max_age=max_age, max_gap=max_gap)
         if max_age is not None:
             check_regularly(self)
-        return ChangeSubscription(self, target_frame, source_frame, callback, accepted)
+        begin = partial(BufferCore._wait, self, target_frame, source_frame, 0, policy=accepted)
+        return ChangeSubscription(begin, callback, self._tf2_kept)
 
     def add_source(self, name: str, silence: "Callable[[bool], str] | None" = None) -> "BufferSource":
         """

@@ -30,7 +30,6 @@ from tf2_py._internal import class_name, duration_ns, errors, frame_name, policy
 from tf2_py.printable import printable
 from tf2_py.typing import DurationLike, LookupPolicy, TimeLike, Unpack
 from tf2_ros._arguments import optional_timeout_ns
-from tf2_ros._calls.call_runners import call_queue_of
 from tf2_ros._messages import time_msg
 from tf2_ros._nodes.ended_nodes import require_node
 from tf2_ros._nodes.hidden_nodes import companion_node
@@ -40,6 +39,7 @@ from tf2_ros._process.forking import refuse_inherited
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import context_was_shut_down, handle_of_goal
 from tf2_ros._sources import SHUT_DOWN
+from tf2_ros._wait.call_runners import call_queue_of
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.lookup_or_wait import warn_in_a_loop
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface

@@ -25,8 +25,6 @@ from tf2_py import (
     TransformException,
 )
 from tf2_py._internal import duration_ns
-from tf2_ros._calls.call_queue import CallQueue
-from tf2_ros._calls.call_runners import ExecutorRunner
 from tf2_ros._nodes.ended_nodes import node_has_ended, require_node, suppress_at_end
 from tf2_ros._nodes.hidden_nodes import companion_node
 from tf2_ros._nodes.spinner import Spinner
@@ -34,6 +32,8 @@ from tf2_ros._process.background import check_regularly
 from tf2_ros._process.forking import is_inherited
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import runs_in_loop
+from tf2_ros._wait.call_queue import CallQueue
+from tf2_ros._wait.call_runners import ExecutorRunner
 from tf2_ros._wait.futures import TransformFuture
 from tf2_ros._wait.lookup_or_wait import Lookup
 

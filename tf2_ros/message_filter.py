@@ -31,13 +31,13 @@ from tf2_py._internal import (
 from tf2_py.printable import counted, printable
 from tf2_py.typing import DurationLike, LookupPolicy, TypeVarTuple, Unpack
 from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable
-from tf2_ros._calls import call_queue
-from tf2_ros._calls.call_runners import ExecutorRunner, call_queue_of
 from tf2_ros._frame_prefix import frame_of, valid_prefix
 from tf2_ros._nodes.ended_nodes import node_has_ended, require_node
 from tf2_ros._process.background import background, check_regularly
 from tf2_ros._process.forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._rclpy import destroy_subscription, is_node
+from tf2_ros._wait import call_queue
+from tf2_ros._wait.call_runners import ExecutorRunner, call_queue_of
 from tf2_ros._wait.filtered_messages import FilterCalls, FilteredMessage
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros.buffer import Buffer

@@ -21,12 +21,12 @@ from tf2_py import BufferCore
 from tf2_py._internal import MalformedObjectError, class_name
 from tf2_py.typing import Self
 from tf2_ros._arguments import kind_of
-from tf2_ros._calls.call_runners import call_queue_of
 from tf2_ros._frame_prefix import valid_prefix, with_prefix
 from tf2_ros._nodes.ended_nodes import require_node
 from tf2_ros._nodes.hidden_nodes import hidden_node
 from tf2_ros._nodes.spinner import Spinner
 from tf2_ros._process.forking import FORKED, is_inherited, refuse_inherited
+from tf2_ros._process.inbox import AUTHORITY
 from tf2_ros._qos import DYNAMIC_DEPTH, STATIC_DEPTH, transforms_qos
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import (
@@ -37,11 +37,11 @@ from tf2_ros._rclpy import (
     runs_in_loop,
     subscribe_in_loop,
 )
-from tf2_ros._receive.inbox import AUTHORITY
 from tf2_ros._receive.listener_receiver import ListenerGroup, Receiver
 from tf2_ros._receive.listener_state import ListenerState
 from tf2_ros._receive.listener_topics import Topic, describe_topics
 from tf2_ros._sources import add_listener
+from tf2_ros._wait.call_runners import call_queue_of
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
 

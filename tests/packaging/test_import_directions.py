@@ -89,6 +89,19 @@ def test_the_core_and_its_tests_import_neither_the_tools_nor_their_libraries():
     ] == []
 
 
+def test_no_two_folders_import_each_other():
+    needed = {}
+    for module, found in IMPORTS.items():
+        if top(module) in PACKAGES:
+            needed.setdefault(package_of(module), set()).update(package_of(one.module) for one in found)
+    # All use what lies directly in tf2_ros.
+    folders = {one for one in needed if one.startswith("tf2_ros._")}
+    assert len(folders) >= 4
+    assert [
+        (one, other) for one in folders for other in needed[one] & folders - {one} if one in needed[other]
+    ] == []
+
+
 def test_no_modules_import_each_other_in_a_circle():
     # Without the packages themselves, which import their modules for their users.
     graph = {

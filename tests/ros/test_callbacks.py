@@ -18,9 +18,9 @@ from times_and_transforms import transform
 from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_ros import MessageFilter, TimeoutException
-from tf2_ros._calls import call_queue
-from tf2_ros._calls.call_queue import CallQueue
-from tf2_ros._calls.call_runners import ExecutorRunner, Runner, call_queue_of
+from tf2_ros._wait import call_queue
+from tf2_ros._wait.call_queue import CallQueue
+from tf2_ros._wait.call_runners import ExecutorRunner, Runner, call_queue_of
 from tf2_ros._wait.futures import WakingFuture
 
 HERE, CALLBACKS = "MainThread", "tf2_ros callbacks"

@@ -4,6 +4,7 @@
 
 import asyncio
 import gc
+import threading
 import weakref
 from functools import partial
 from types import SimpleNamespace
@@ -13,7 +14,7 @@ from simulated_clock import simulate
 from times_and_transforms import S, at, at_ns, stamp_ns, transform
 from waiting import until
 
-from tf2_ros._calls.call_runners import call_queue_of
+from tf2_ros._wait.call_runners import call_queue_of
 
 
 def insert(buffer, *seconds, child="base"):
@@ -213,6 +214,34 @@ class TestLimits:
         show(buffer, 100)
         until(lambda: seen)
         assert seen == [100]
+
+    def test_a_change_during_a_call_is_not_lost_to_a_thread_that_delivers_the_former_one_late(self, buffer):
+        seen, reads, caller = [], [], threading.get_ident()
+        delivers, goes_on = threading.Event(), threading.Event()
+        thread = threading.Thread(target=insert, args=(buffer, 1))
+
+        def now():
+            if threading.current_thread() is thread:
+                delivers.set()
+                goes_on.wait()
+            elif threading.get_ident() == caller:
+                reads.append(1)
+                if len(reads) == 2:  # after the wait has begun
+                    thread.start()
+                    delivers.wait()
+            return at(2)
+
+        def call(one):
+            seen.append(stamp_ns(one) / S)
+            if len(seen) == 1:
+                insert(buffer, 2)
+                goes_on.set()
+                thread.join()
+
+        buffer.clock = SimpleNamespace(now=now)
+        subscription = buffer.on_change("map", "base", call, max_age=1000)
+        assert seen == [1, 2]
+        subscription.cancel()
 
     def test_a_gap_is_skipped_until_it_is_filled(self, buffer):
         seen = []

@@ -21,7 +21,7 @@ from times_and_transforms import transform
 from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros._receive.inbox import Inbox
+from tf2_ros._process.inbox import Inbox
 from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
 
 S = 10**9

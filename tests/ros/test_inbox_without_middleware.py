@@ -24,7 +24,7 @@ from waiting import errors_so_far, until
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer
 from tf2_ros._process.background import Background, add_owner
-from tf2_ros._receive.inbox import Inbox, Inboxes, Observer
+from tf2_ros._process.inbox import Inbox, Inboxes, Observer
 
 LATEST = Time()
 MANY = 5000  # transforms, of more bytes than are inserted under the lock of all inboxes

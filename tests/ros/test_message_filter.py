@@ -26,8 +26,8 @@ from std_msgs.msg import Header
 from times_and_transforms import S, at, transform
 from waiting import DEADLINE_S, errors_so_far, until
 
-from tf2_ros._calls import call_queue
-from tf2_ros._calls.call_runners import call_queue_of
+from tf2_ros._wait import call_queue
+from tf2_ros._wait.call_runners import call_queue_of
 
 
 def point(word="1"):

@@ -100,7 +100,7 @@ def shut_down_quietly(context):
 
 def queue_of(node):
     """The CallQueue of a node, which tf2 does not have."""
-    from tf2_ros._calls.call_runners import call_queue_of
+    from tf2_ros._wait.call_runners import call_queue_of
 
     return call_queue_of(node)
 

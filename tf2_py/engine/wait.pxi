@@ -148,6 +148,10 @@ cdef class Wait(WaiterOwner):
                 raise
             return error
 
+    def is_of_clock(self, error):
+        """Whether an exception may come from the code of a program's clock."""
+        return self._engine.is_of_clock(error)
+
     def wait_for(self, int64_t timeout_ns, is_in_vain):
         """
         Sleep, without the GIL, until :meth:`take` returns an answer.

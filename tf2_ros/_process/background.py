@@ -21,8 +21,8 @@ from typing import Any, Protocol, TypeAlias
 from tf2_py._internal import log
 from tf2_py.printable import counted
 from tf2_ros._live_objects import LiveObjects
+from tf2_ros._process.inbox import INBOXES, Inbox, Inboxes
 from tf2_ros._process.threads import call_logged, callbacks, forget_threads, join_threads, start_once
-from tf2_ros._receive.inbox import INBOXES, Inbox, Inboxes
 
 CHECK_NS = 1_500_000_000  # between two regular checks
 NEVER_NS = 1 << 62

@@ -13,6 +13,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile
 from tf2_py import BufferCore
 from tf2_ros._process.background import add_owner
 from tf2_ros._process.forking import is_inherited
+from tf2_ros._process.inbox import Inbox, Observer
 from tf2_ros._rclpy import (
     context_was_shut_down,
     event_handlers,
@@ -20,7 +21,6 @@ from tf2_ros._rclpy import (
     on_destroy,
     report_event,
 )
-from tf2_ros._receive.inbox import Inbox, Observer
 from tf2_ros._receive.listener_topics import Topic, describe_topics
 from tf2_ros._receive.subscriptions import Subscriptions
 

@@ -40,7 +40,7 @@ from tf2_ros._rcl cimport (
     require_rcl,
     rmw_message_info_t,
 )
-from tf2_ros._receive.inbox cimport (
+from tf2_ros._process.inbox cimport (
     SENDER_BYTES,
     Inboxes,
     ReceivedMessage,
@@ -49,7 +49,7 @@ from tf2_ros._receive.inbox cimport (
     inbox_arrived,
 )
 
-from tf2_ros._receive.inbox import INBOXES
+from tf2_ros._process.inbox import INBOXES
 
 cdef enum:
     THRESHOLD = 16              # messages of a topic that may wait, which a lookup would have to insert first

@@ -14,7 +14,7 @@ import weakref
 from collections import OrderedDict
 
 from tf2_py import BufferCore, ExtrapolationException
-from tf2_ros._calls.call_queue import end_by
+from tf2_ros._wait.call_queue import end_by
 
 PASSED, CLEARED = "passed", "cleared"   # what became of a message that was not dropped
 

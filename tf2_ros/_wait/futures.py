@@ -18,15 +18,17 @@ from tf2_ros._process.forking import FORKED, is_inherited
 from tf2_ros._running_loop import running_loop
 from tf2_ros._sources import Shutdown
 from tf2_ros._wait.asyncio_tasks import LoopWaker
-from tf2_ros._wait.pending import end_referred
+from tf2_ros._wait.pending import PendingFuture, end_referred
 from tf2_ros_cython._ros_presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
-    from tf2_ros._calls.call_queue import end_for as end_for
-    from tf2_ros._rclpy import running_task
-    from tf2_ros._wait.rclpy_futures_and_tasks import BaseFuture, TaskWaker
+    from rclpy.task import Future
+
+    from tf2_ros._rclpy import HEEDS_FUTURES, running_task, spun_executor
+    from tf2_ros._wait.call_queue import end_for as end_for
+    from tf2_ros._wait.rclpy_tasks import SpunExecutor, TaskWaker
 else:
-    from tf2_ros._without_ros import BaseFuture, TaskWaker, end_for, running_task
+    from tf2_ros._without_ros import HEEDS_FUTURES, Future, TaskWaker, end_for, running_task
 
 CLOCK_CHECK_NS = 100_000_000  # how often to read a clock that reports no jumps
 
@@ -34,7 +36,7 @@ CLOCK_CHECK_NS = 100_000_000  # how often to read a clock that reports no jumps
 _Result = TypeVar("_Result")
 
 
-class WakingFuture(BaseFuture, Generic[_Result]):
+class WakingFuture(PendingFuture, Future, Generic[_Result]):
     """
     A future that may be completed in any thread, and wakes whatever runs the tasks that await it.
 
@@ -61,6 +63,16 @@ class WakingFuture(BaseFuture, Generic[_Result]):
     if TYPE_CHECKING:
 
         def result(self) -> _Result: ...
+
+    if not HEEDS_FUTURES:
+
+        def add_done_callback(self, callback: Callable[[Any], object]) -> None:
+            """Add a callback; for that of an executor that spins until this has ended, what ends the spin."""
+            executor = spun_executor(callback)
+            if executor is None:
+                super().add_done_callback(callback)
+            elif not any(getattr(waker, "spun", None) is executor for waker in self.wakers):
+                super().add_done_callback(SpunExecutor(executor))
 
     def is_dead(self) -> bool:
         """Whether it is pending in a parent process, so that nothing completes it in this forked child."""

@@ -7,6 +7,7 @@
 cdef enum State:
     PENDING
     QUEUED      # it has an outcome, which is hidden until its callbacks run
+    RUNNING     # the function of a subscription runs; then it is PENDING again
     DONE
     CANCELLED
 

@@ -49,9 +49,7 @@ class PendingFuture(Pending):
 class ChangeSubscription(Pending):
     def __init__(
         self,
-        buffer: Any,
-        target_frame: str,
-        source_frame: str,
+        begin: Callable[..., Any],
         callback: Callable[[TransformStamped], object],
-        policy: Any,
+        kept: dict[Any, None],
     ) -> None: ...

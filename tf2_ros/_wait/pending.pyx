@@ -9,19 +9,16 @@ the collector, and so a finalizer or another thread, may run wherever a containe
 tuple or a bound method; not where one grows.
 """
 
-from tf2_py._internal cimport Engine
-
 import sys
-from functools import partial
 
-from tf2_py import BufferCore, TimeoutException, TransformException
+from tf2_py import TimeoutException, TransformException
 from tf2_py._internal import log
 from tf2_ros_cython import _ros_presence
 
 if _ros_presence.HAS_ROS:
     from tf2_ros._rclpy import wakes_executor
 
-cdef tuple STATES = ("pending", "queued", "done", "cancelled")
+cdef tuple STATES = ("pending", "queued", "running", "done", "cancelled")
 
 
 cdef class Pending:
@@ -225,74 +222,64 @@ cdef class ChangeSubscription(Pending):
     """
     Calls a function with each transform between two frames that differs from the previous one.
 
-    While the function runs, this already waits for the next transform. If that arrives meanwhile, the thread
-    that runs the function calls it again afterwards; an executor does other work in between.
+    The wait for the next one begins when the function has returned. If it finds a transform at once, the
+    thread that ran the function calls it again; an executor does other work in between.
 
-    :param policy: of ``policy_of``.
+    :param begin: begins to wait, with `notify` and `after` of ``BufferCore._wait``.
+    :param kept: see `Pending`.
     """
 
-    cdef object _buffer, _callback, _policy
-    cdef tuple _frames
-    cdef bint _is_running, _is_due
-    cdef unsigned long long _number     # of the present wait
+    cdef object _begin, _callback
 
-    def __init__(self, buffer, target_frame, source_frame, callback, policy):
-        self._buffer, self._frames, self._policy = buffer, (target_frame, source_frame), policy
-        self._callback, self.kept = callback, buffer._tf2_kept
+    def __init__(self, begin, callback, kept):
+        self._begin, self._callback, self.kept, self._state = begin, callback, kept, RUNNING
         self.kept[self] = None
         try:
-            self._wait_for_next()
-            call_all(self)
+            self.wait = self._begin(notify=self._answered)
+            call_all(self._go_on())
         except BaseException:
             self.cancel()   # the program gets nothing to cancel it with
             raise
 
     def __call__(self):
-        self._is_due = True
-        if self._state != QUEUED or self._is_running:
+        if self._state != QUEUED:
             return None
-        self._is_due, self._is_running = False, True
-        self._result, self._state = None, PENDING
+        self._state = RUNNING
+        wait = self.wait
         try:
-            result = self.wait.take(again=True)
-            if result is not None:      # else it has become too old since it arrived, and the wait goes on
-                self._wait_for_next()
-                if self._state != CANCELLED:    # else the program has cancelled meanwhile
-                    call_back(self._callback, (result,))
+            outcome = wait.outcome(again=True)
+            if isinstance(outcome, BaseException):
+                self._fail(outcome)
+            # None: it has become too old since it arrived, and the wait goes on.
+            elif outcome is not None and self._state == RUNNING:
+                # Otherwise a thread that was about to deliver it would judge it again, by now with what the
+                # function has not got, and the next wait would wait for something else.
+                wait.cancel()
+                call_back(self._callback, (outcome,))
+                if self._state == RUNNING:      # not cancelled meanwhile
+                    self.wait = self._begin(notify=self._answered, after=wait)
+            return self._go_on()
         except BaseException as error:
-            if not self._ends_with(error):
-                self.cancel()   # nobody would make the next call
+            # Of the next wait; otherwise a signal handler has raised it, and nobody would make the next call.
+            if not isinstance(error, (TransformException, ValueError)) and not wait.is_of_clock(error):
+                self.cancel()
                 raise
             self._fail(error)
-        finally:
-            self._is_running = False
-        return self if self._is_due and self._state == QUEUED else None
 
-    def _answered(self, unsigned long long number, answer, error=None):
-        # The answer of a former wait, which another thread had begun to deliver, was taken from the wait.
-        if number != self._number:
+    cdef object _go_on(self):
+        # Until it is PENDING, answers that are delivered are ignored; this takes them.
+        wait = self.wait
+        if self._state >= DONE:
+            self.wait = None    # cancelled meanwhile
             return None
-        return self.end_or_queue(answer) if error is None else self._fail(error)
+        self._state = PENDING
+        return None if wait.outcome() is None else self.end_or_queue()
 
-    cdef bint _ends_with(self, error) except -1:
-        # Otherwise a signal handler has raised it.
-        cdef Engine engine = self._buffer
-        return isinstance(error, (TransformException, ValueError)) or engine.is_of_clock(error)
+    def _answered(self, answer, error=None):
+        # Of the present wait, or of a former one: the call takes what there is.
+        return self.end_or_queue() if error is None else self._fail(error)
 
     cdef object _fail(self, error):
         # A limit is of a frame that is not a child, or a program's clock raises.
         log.raised(error, "An on_change ends")
         self.cancel()
-
-    cdef int _wait_for_next(self) except -1:
-        self._number += 1
-        notify = partial(self._answered, self._number)
-        self.wait = BufferCore._wait(
-            self._buffer, *self._frames, 0, notify=notify, policy=self._policy, after=self.wait)
-        answer = self.wait.take()
-        if self._state >= DONE:
-            self.wait = None    # another thread has cancelled this meanwhile
-        elif answer is not None:
-            self.end_or_queue(answer)
-            self._is_due = True
-        return 0

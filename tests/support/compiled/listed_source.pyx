@@ -7,7 +7,7 @@ from libc.stdlib cimport free, malloc
 from libc.string cimport memcpy
 
 from tf2_py._internal cimport load_seq_cst, lock_acquire, lock_release, monotonic_ns, store_seq_cst
-from tf2_ros._receive.inbox cimport (
+from tf2_ros._process.inbox cimport (
     ReceivedMessage,
     InboxSource,
     InboxState,

@@ -17,7 +17,7 @@ from rclpy.time import Time
 from times_and_transforms import transform
 
 from tf2_ros import Buffer, StaticTransformBroadcaster, TransformListener, transform_listener
-from tf2_ros._calls.call_runners import call_queue_of
+from tf2_ros._wait.call_runners import call_queue_of
 
 printed = []
 

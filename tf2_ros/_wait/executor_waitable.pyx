@@ -25,7 +25,7 @@ from tf2_ros._rcl cimport (
     rcl_trigger_guard_condition,
     rcutils_reset_error,
 )
-from tf2_ros._receive.inbox cimport ROUND_NS, SHORT_ROUND_NS, Observer
+from tf2_ros._process.inbox cimport ROUND_NS, SHORT_ROUND_NS, Observer
 
 from contextlib import suppress
 

@@ -55,7 +55,7 @@ cdef class CallQueue:
     6. **Forks.** In a forked child it is dead: calls are dropped silently.
 
     :param node: keeps this alive, not the other way round.
-    :param runner: a :class:`~tf2_ros._calls.call_runners.Runner`, only for this.
+    :param runner: a :class:`~tf2_ros._wait.call_runners.Runner`, only for this.
     """
 
     cdef object __weakref__

@@ -144,4 +144,3 @@ cdef class Inbox(ReadHook):
     cdef void _discharge(self) noexcept
     cdef object _engine(self)
     cdef int _report(self, Engine engine, ReceivedMessages* messages) except -1
-    cdef int _report_one(self, Engine engine, ReceivedMessage* received) except -1

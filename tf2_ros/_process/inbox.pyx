@@ -646,28 +646,23 @@ cdef class Inbox(ReadHook):
         # that of these messages; without it nothing in them is ready, because what waits holds its engine.
         cdef ReceivedMessage* received = NULL if engine is None else messages.first
         cdef list interrupts = []
-        while received != NULL:
-            try:
-                self._report_one(engine, received)
-            except BaseException as raised:
-                interrupts.append(raised)
-            received = received.next
-        _free_all_received(messages)
+        try:
+            while received != NULL:
+                try:
+                    if received.batch.problem != NULL:
+                        engine.malformed(&received.batch, received.size, self._source.names[received.topic])
+                    else:
+                        engine.report(&received.batch, self._hand_over)
+                except BaseException as raised:
+                    # Usually for lack of memory; the next message may succeed. In the main thread, it may be
+                    # that of a signal handler.
+                    if not isinstance(raised, Exception) or get_ident() == main_thread().ident:
+                        interrupts.append(raised)
+                    elif engine._throttle.passes("receiver"):
+                        log.receiving_failed(traceback.format_exc())
+                received = received.next
+        finally:
+            _free_all_received(messages)
         if interrupts:
             raise interrupts[0]
-        return 0
-
-    cdef int _report_one(self, Engine engine, ReceivedMessage* received) except -1:
-        try:
-            if received.batch.problem != NULL:
-                engine.malformed(&received.batch, received.size, self._source.names[received.topic])
-            else:
-                engine.report(&received.batch, self._hand_over)
-        except Exception:
-            # Usually for lack of memory; the next message may succeed. In the main thread, the exception may
-            # be that of a signal handler.
-            if get_ident() == main_thread().ident:
-                raise
-            if engine._throttle.passes("receiver"):
-                log.receiving_failed(traceback.format_exc())
         return 0

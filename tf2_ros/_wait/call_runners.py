@@ -13,10 +13,10 @@ from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.waitable import Waitable
 
-from tf2_ros._calls.call_queue import CallQueue
-from tf2_ros._calls.executor_waitable import ExecutorWaitable
 from tf2_ros._process.forking import LOCK
 from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop, waits_for_sets, wake
+from tf2_ros._wait.call_queue import CallQueue
+from tf2_ros._wait.executor_waitable import ExecutorWaitable
 
 # How often rclpy's EventsExecutor looks for calls. It waits for no guard condition, and a thread that wakes
 # it in any other way hangs in some releases, with the GIL.
@@ -24,7 +24,7 @@ POLL_S = 0.02
 
 
 class Runner:
-    """What makes the calls of a :class:`~tf2_ros._calls.call_queue.CallQueue`."""
+    """What makes the calls of a :class:`~tf2_ros._wait.call_queue.CallQueue`."""
 
     _call_queue: "weakref.ref[CallQueue]"  # which keeps this
 

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Futures of rclpy, and the tasks of rclpy's executors that await them."""
+"""The executors of rclpy that spin until a future has ended, and their tasks that await it."""
 
 import time
 import weakref
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from functools import partial
 from typing import Any
 
@@ -14,13 +14,11 @@ from rclpy.task import Future, Task
 from tf2_ros._process.background import background
 from tf2_ros._process.threads import call_logged, start
 from tf2_ros._rclpy import (
-    HEEDS_FUTURES,
     RESUMES_TASKS,
     end_round,
     has_locked_tasks,
     is_in_step,
     resume,
-    spun_executor,
     task_executor,
 )
 from tf2_ros._wait.pending import PendingFuture, Waker
@@ -28,21 +26,7 @@ from tf2_ros._wait.pending import PendingFuture, Waker
 STEP_CHECK_NS = 2_000_000  # how often to check whether an executor has left the step of a task
 
 
-class BaseFuture(PendingFuture, Future):
-    """A future of rclpy that ends as a ``PendingFuture``."""
-
-    if not HEEDS_FUTURES:
-
-        def add_done_callback(self, callback: Callable[[Any], object]) -> None:
-            """Add a callback; for that of an executor that spins until this has ended, what ends the spin."""
-            executor = spun_executor(callback)
-            if executor is None:
-                super().add_done_callback(callback)
-            elif not any(getattr(waker, "spun", None) is executor for waker in self.wakers):
-                super().add_done_callback(_SpunExecutor(executor))
-
-
-class _SpunExecutor(Waker):
+class SpunExecutor(Waker):
     """What ends the spin of an executor until a future, in releases where waking it is not enough."""
 
     def __init__(self, executor: Executor) -> None:

@@ -16,7 +16,7 @@ from times_and_transforms import S, about_z, rotation, translation
 from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros_tools.common.program import UsageError
+from tf2_ros_tools.common.program import RunError, UsageError
 from tf2_ros_tools.programs import tf2_bag
 from tf2_ros_tools.programs.static_transform_publisher import PARSER, read_file, transforms_of
 from tf2_ros_tools.recordings.bag_loader import static_transforms
@@ -191,3 +191,33 @@ def test_a_recorded_topic_gets_its_prefix(tmp_path, capsys):
     assert tf2_bag.bag(tf2_bag.PARSER.read(line)) == 0
     frames = re.findall('frame_id: ("[^"]*")', capsys.readouterr().out)
     assert [*map(json.loads, frames)] == [f"robot1/{name}" for name in ("base", "camera", "base", "lidar")]
+
+
+@pytest.mark.parametrize(
+    ("topics", "parents"),
+    [
+        (["/robot1/tf_static=robot1/"], ["robot1/base"]),
+        (["/robot2/tf_static", "/robot1/tf_static=robot1/"], ["arm", "robot1/base"]),
+        (["/robot1/tf_static", "/robot1/tf"], ["base"]),
+    ],
+    ids=" ".join,
+)
+def test_recorded_topics_are_published(topics, parents, tmp_path):
+    other = Sent(S, "/robot2/tf_static", [Tf("arm", "hand", S)])
+    recording = write_mcap(tmp_path / "a.mcap", [*drive(prefix="/robot1"), other])
+    options = [f"--topic={one}" for one in topics]
+    found = transforms_of(PARSER.read([NAME, "--recording", str(recording), *options]))
+    assert sorted({one.header.frame_id for one in found}) == parents
+
+
+def test_topics_without_static_transforms_are_refused_with_those_that_have_some(tmp_path):
+    recording = write_mcap(tmp_path / "a.mcap", drive(prefix="/robot1"))
+    said = "has no static transforms on /tf_static: `--topic` reads those on /robot1/tf_static"
+    with pytest.raises(RunError, match=re.escape(said)):
+        transforms_of(PARSER.read([NAME, "--recording", str(recording), "--topic", "/tf_static"]))
+
+
+@pytest.mark.parametrize("others", [[], ["--file", "a.yaml"], ["--frame-id", "a", "--child-frame-id", "b"]])
+def test_topics_are_those_of_a_recording(others):
+    with pytest.raises(UsageError, match="^--topic chooses topics of a recording, which --recording names$"):
+        transforms_of(PARSER.read([NAME, "--topic", "/robot1/tf_static", *others]))

@@ -80,6 +80,31 @@ def add_live_option(parser: Parser) -> None:
     )
 
 
+def add_topic_option(
+    made: ArgumentParser, what: str = "read transforms from this topic instead of /tf and /tf_static"
+) -> None:
+    """
+    Add ``topics`` of a recording: None, or a list of pairs of a topic and a prefix.
+
+    :param what: the begin of its help.
+    """
+    made.add_argument(
+        "--topic",
+        action="append",
+        type=_topic,
+        metavar="NAME[=PREFIX]",
+        dest="topics",
+        help=f"{what}, and put PREFIX in front of its frame names; may be given several times",
+    )
+
+
+def _topic(text: str) -> tuple[str, str]:
+    name, _, prefix = text.partition("=")
+    if not name:
+        raise ArgumentTypeError(f"expected NAME or NAME=PREFIX, got {text!r}")
+    return name, prefix
+
+
 def add_plot_options(made: ArgumentParser, default: str) -> None:
     """
     Add what is plotted, some frames or a path, and the file.

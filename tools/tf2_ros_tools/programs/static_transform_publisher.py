@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from tf2_py.printable import printable
-from tf2_ros_tools.common.options import finite_number
+from tf2_ros_tools.common.options import add_topic_option, finite_number
 from tf2_ros_tools.common.output import counted
 from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, UsageError, run, wait_until_interrupted
 from tf2_ros_tools.common.roll_pitch_yaw import quaternion_from_rpy
@@ -52,6 +52,7 @@ EXAMPLE = f"""\
   static_transform_publisher --x 0.3 --yaw -1.57 --frame-id base_link --child-frame-id camera
   static_transform_publisher --file transforms.yaml
   static_transform_publisher --recording drive.mcap
+  static_transform_publisher --recording drive.mcap --topic /robot1/tf_static=robot1/
 
 where transforms.yaml has the options as keys, with _ for -:
   - {ENTRY}
@@ -84,6 +85,7 @@ PARSER.add_argument(
     help="publish the static transforms of this recording (a rosbag2 folder, .mcap, .db3 or .bag) instead: "
     "of each frame, the last one on /tf_static",
 )
+add_topic_option(PARSER, "with --recording: publish the transforms on this topic instead of /tf_static")
 PARSER.add_argument("old", metavar="VALUE", nargs="*", help="the old form; see above")
 
 
@@ -100,6 +102,8 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
         raise UsageError(f"expected {expected}, got several of these")
     if options.recording is not None:
         return _recorded(options)
+    if options.topics is not None:
+        raise UsageError("--topic chooses topics of a recording, which --recording names")
     try:
         if options.file is not None:
             return read_file(options.file)
@@ -117,11 +121,12 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
 
 
 def _recorded(options: Namespace) -> list[TransformStamped]:
-    from tf2_ros_tools.recordings.bag_loader import static_transforms
+    from tf2_ros_tools.recordings.bag_loader import TOPICS, static_transforms
     from tf2_ros_tools.recordings.bag_reader import BagError
 
     try:
-        transforms, notes = static_transforms(options.recording)
+        topics = TOPICS if options.topics is None else dict(options.topics)
+        transforms, notes = static_transforms(options.recording, topics)
     except BagError as failure:
         raise RunError(str(failure)) from None
     for text in notes:

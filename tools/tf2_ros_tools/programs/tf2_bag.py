@@ -21,6 +21,7 @@ from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.options import (
     add_output,
     add_plot_options,
+    add_topic_option,
     ending_in,
     format_of,
     nanoseconds,
@@ -437,7 +438,7 @@ def _parser() -> Parser:
         "drive.mcap > transforms.yaml",
     )
     _add_file(command)
-    _add_topic(command)
+    add_topic_option(command)
     command = add(
         "tree",
         tree,
@@ -505,7 +506,7 @@ def _add_file(made: Parser) -> None:
 
 def _add_topics(made: Parser) -> None:
     """Add the options for the topics to read."""
-    _add_topic(made)
+    add_topic_option(made)
     made.add_argument(
         "--poses",
         action="append",
@@ -525,25 +526,6 @@ def _add_topics(made: Parser) -> None:
         help="also compute joint transforms from this URDF and TOPIC (default: /joint_states); the FILE "
         f"{RECORDED!r} is the recording's robot_description; may be given several times",
     )
-
-
-def _add_topic(made: Parser) -> None:
-    made.add_argument(
-        "--topic",
-        action="append",
-        type=_topic,
-        metavar="NAME[=PREFIX]",
-        dest="topics",
-        help="read transforms from this topic instead of /tf and /tf_static, and put PREFIX in front of its "
-        "frame names; may be given several times",
-    )
-
-
-def _topic(text: str) -> tuple[str, str]:
-    name, _, prefix = text.partition("=")
-    if not name:
-        raise ArgumentTypeError(f"expected NAME or NAME=PREFIX, got {text!r}")
-    return name, prefix
 
 
 def _poses(text: str) -> tuple[str, tuple[str, str] | None]:

@@ -583,7 +583,7 @@ def static_transforms(
     if not found:
         advice = "they are sent once, often before a recording; robot_state_publisher sends those of a URDF"
         if others := [topic for topic in static if topic not in own]:
-            advice = f"`tf2_bag statics --topic` reads those on {listed(others)}"
+            advice = f"`--topic` reads those on {listed(others)}"
         names = " or ".join(map(printable, what.prefixes))
         raise BagError(f"{printable(recorded.path)} has no static transforms on {names}: {advice}")
     return found, notes

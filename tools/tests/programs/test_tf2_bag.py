@@ -9,10 +9,24 @@ import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
-from making_bags import ODOMETRY, STAMPED, STAMPS, TRANSFORM, S, Sent, Tf, drive, scan, series, write_mcap
+from making_bags import (
+    ODOMETRY,
+    STAMPED,
+    STAMPS,
+    TRANSFORM,
+    S,
+    Sent,
+    Tf,
+    drive,
+    scan,
+    series,
+    write_folder,
+    write_mcap,
+)
 from pickles_and_copies import held
 from picture_texts import texts_of
 from robot_of_all_joints import ARM, description, joint_state
@@ -150,6 +164,44 @@ class TestTrajectory:
         pytest.importorskip("matplotlib")
         written = str(tmp_path / "path.svg")
         assert run("plot", drive_mcap, "--path", "world", "base", *world, "-o", written)[0] == 0
+
+    def test_correct_writes_a_recording_that_says_the_same(self, run, drive_mcap, tum, tmp_path):
+        own, written = ("--trajectory", tum, "map", "odom", "base"), str(tmp_path / "corrected.mcap")
+        status, out, err = run("correct", drive_mcap, *own, "-o", written)
+        assert (status, out, err.count("left out")) == (0, f"{written}\n", 1)
+        for frame in ("base", "camera", "lidar"):
+            ends = ("map", frame, "--rate", "50")
+            corrected = run("lookup", drive_mcap, *ends, *own)[1]
+            stamps, poses, _ = rows_of(run("lookup", written, *ends)[1])
+            assert stamps == rows_of(corrected)[0]
+            np.testing.assert_allclose(poses, rows_of(corrected)[1], rtol=0, atol=1e-12)
+        assert load(written).frames()["camera"].static
+        frozen = str(tmp_path / "corrected.tf2")
+        assert run("freeze", drive_mcap, *own, "-o", frozen)[0] == 0
+        assert {"odom", "base", "camera", "lidar"} == {*Buffer.open(frozen).histories()}
+        # A player sends a transform at its stamp: the robot is known in the map whenever it was measured.
+        histories = load(written).histories()
+        assert histories["odom"].stamps_ns.tolist() == histories["base"].stamps_ns.tolist()
+        assert len(Buffer.open(frozen).histories()["odom"].stamps_ns) < 20
+
+    def test_correct_never_replaces_the_recording(self, run, drive_mcap, tum, tmp_path):
+        own = ("--trajectory", tum, "map", "odom", "base")
+        folder = write_folder(tmp_path / "run", drive(100))
+        link = tmp_path / "link.mcap"
+        link.symlink_to(drive_mcap)
+        inside = str(folder / "run.mcap")
+        content = Path(drive_mcap).read_bytes()
+        for file, output in (
+            (drive_mcap, drive_mcap),
+            (drive_mcap, link),
+            (link, drive_mcap),
+            (folder, inside),
+        ):
+            with pytest.raises(UsageError, match="is the recording; choose another file"):
+                run("correct", file, *own, "-o", output)
+        assert Path(drive_mcap).read_bytes() == content
+        with pytest.raises(SystemExit, match="2"):
+            run("correct", drive_mcap, "-o", tmp_path / "a.mcap")
 
     def test_the_time_between_keyframes_is_not_a_gap_of_a_lookup(self, run, tmp_path):
         keyframes, missing = "100 0 0 0 0 0 0 1\n109.9 9 0 0 0 0 0 1\n", (103 * S, 105 * S)

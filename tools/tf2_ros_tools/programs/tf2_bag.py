@@ -306,6 +306,22 @@ def freeze(options: Namespace) -> int:
     return SUCCESS
 
 
+def correct(options: Namespace) -> int:
+    """Write the corrected transforms as a recording; return the exit status."""
+    from tf2_ros_tools.recordings.saved_buffers import save
+    from tf2_ros_tools.recordings.trajectories import fill_between_keyframes
+
+    # It would lose all other topics.
+    recorded, written = Path(options.file).resolve(), Path(options.output).resolve()
+    if written == recorded or written.parent == recorded:
+        raise UsageError(f"{options.output} is the recording; choose another file")
+    buffer = _heard_of(options, records=False).buffer
+    fill_between_keyframes(buffer, *map(_frame, options.trajectory[1:]))
+    save(buffer, options.output)
+    show(options.output)
+    return SUCCESS
+
+
 # Pictures.
 
 
@@ -465,8 +481,21 @@ def _parser() -> Parser:
         "drive.mcap -o drive.tf2",
     )
     _add_recording(command)
+    _add_trajectory(command)
     summary = "write this .tf2 file"
     command.add_argument("-o", "--output", metavar="FILE", type=ending_in("tf2"), required=True, help=summary)
+    command = add(
+        "correct",
+        correct,
+        "write the transforms, corrected by --trajectory, to an .mcap file that RViz and Foxglove can play",
+        "drive.mcap --trajectory optimized.tum map odom base_link -o corrected.mcap",
+    )
+    _add_recording(command)
+    _add_trajectory(command, required=True)
+    summary = "write this .mcap file"
+    command.add_argument(
+        "-o", "--output", metavar="FILE", type=ending_in("mcap"), required=True, help=summary
+    )
     return made
 
 
@@ -481,10 +510,11 @@ def _add_recording(made: Parser) -> None:
         made.add_argument(name, type=nanoseconds, metavar="S", help=summary)
 
 
-def _add_trajectory(made: Parser) -> None:
+def _add_trajectory(made: Parser, *, required: bool = False) -> None:
     """Add the options for the poses that correct the transforms."""
     made.add_argument(
         "--trajectory",
+        required=required,
         nargs=4,
         metavar=("FILE", "PARENT", "CHILD", "MOVING"),
         help="correct the transforms of the frame CHILD in PARENT by poses of the frame MOVING in PARENT: a "

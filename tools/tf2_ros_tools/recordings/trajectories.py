@@ -19,6 +19,7 @@ from tf2_py.printable import printable
 from tf2_py.typing import TimeLike
 from tf2_ros.correction import correct
 from tf2_ros.numpy import to_matrix
+from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.common.output import counted
 from tf2_ros_tools.recordings.bag_reader import BagError, Raw, Recorded, as_time_ns, listed, typestore
 from tf2_ros_tools.recordings.joints_and_poses import NAMED, PATH, POSE_ARRAY, POSES, poses_of
@@ -286,6 +287,30 @@ class Keyframes:
         if one.on_missing == "raise" and (unset.size or is_missing):
             advice = '; on_missing="skip" leaves such poses out'
         raise BagError(f"{place}: {none}{reason}{advice}") from error
+
+
+def fill_between_keyframes(buffer: BufferCore, parent: str, child: str, moving: str) -> None:
+    """
+    Insert a sample of a corrected transform at each stamp of the odometry, which changes no answer.
+
+    When a recording is played, a transform arrives at its stamp. Without these samples, a viewer could not
+    show the robot before the next keyframe.
+    """
+    histories = buffer.histories()
+    keyframes_ns = histories[child].stamps_ns
+    chain = buffer.path(child, moving, int(keyframes_ns[-1]))
+    moved = [histories[name] for name in chain if name != child and name in histories]
+    stamps_ns = np.unique(
+        np.concatenate([one.stamps_ns for one in moved if not one.static] or [keyframes_ns])
+    )
+    is_inside = (
+        (stamps_ns > keyframes_ns[0]) & (stamps_ns < keyframes_ns[-1]) & ~np.isin(stamps_ns, keyframes_ns)
+    )
+    times_ns = stamps_ns[is_inside]
+    found = np.concatenate(buffer.lookup_transforms(parent, child, times_ns, on_missing="nan"), axis=1)
+    known = ~np.isnan(found[:, 0])
+    transforms = serialize_arrays([(parent, child)] * int(known.sum()), times_ns[known], found[known])
+    buffer.set_transforms_cdr(transforms, "tf2_bag correct")
 
 
 def _of_equal_stamps(poses: StampedPoses, *, skips: bool) -> tuple[int, int]:

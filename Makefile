@@ -40,7 +40,7 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: bare bench build clean coverage cross demo docs fuzz guard help lint matrix new oldest pictures release-check releases sanitize stress
+.PHONY: bare bench build clean coverage cross demo docs fuzz guard help lint matrix new oldest pictures prove release-check releases sanitize stress
 .PHONY: test test-all test-core test-core-all test-core-long test-long wheels
 
 define HELP
@@ -59,7 +59,7 @@ Develop
   make pictures    draw the pictures in docs/images again
   make clean       remove everything that these commands create
 Measure, search for faults, release: CONTRIBUTING.md and docs/development describe
-  make bench  coverage  fuzz  sanitize  stress  wheels  matrix  releases  oldest  cross  bare  release-check
+  make bench  coverage  fuzz  sanitize  stress  wheels  matrix  releases  oldest  cross  bare  prove  release-check
 Each installs what it needs into $(VENV).
 endef
 export HELP
@@ -144,6 +144,10 @@ oldest: $(VENV)/dev.stamp
 
 release-check: $(VENV)/dev.stamp
 	$(PY) -m release.release_check $(TAG)
+
+# What has changed since it was proved, see docs/development/proofs.md.
+prove: $(VENV)/dev.stamp $(VENV)/test.stamp
+	$(PY) -m release.prove $(OPTIONS)
 
 # Without .venv: what it has must not be needed.
 bare:

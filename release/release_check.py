@@ -3,8 +3,8 @@
 """
 Check that a release can be published, by `make release-check`: `python -m release.release_check [TAG]`.
 
-Checks the owner's facts, the versions, the changelogs, and what would be uploaded: wheels built only from the
-source distributions, for this Python. Prints everything that is wrong.
+Checks the owner's facts, the versions, the changelogs, the proofs, and what would be uploaded: wheels built
+only from the source distributions, for this Python. Prints everything that is wrong.
 """
 
 import argparse
@@ -16,7 +16,7 @@ from pathlib import Path
 
 from packaging.utils import parse_wheel_filename
 
-from release import changelog_rst, owner, version_check, wheels
+from release import changelog_rst, owner, prove, version_check, wheels
 
 ROOT = Path(__file__).resolve().parent.parent
 LEFT_TO_FILL_IN = re.compile(rf"https://{owner.PLACEHOLDER}/tf2|tf2-ros-cython@{owner.PLACEHOLDER}")
@@ -68,6 +68,8 @@ def main(arguments=None):
     found = not_filled_in() + version_check.contradictions(ROOT, options.tag)
     if (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8") != changelog_rst.expected():
         found.append("CHANGELOG.rst: run python -m release.changelog_rst")
+    left = prove.due(list(prove.steps()), prove.results(), prove.tracked_files())
+    found += [f"not proved at this commit: {one.name}; run make prove" for one in left]
     if options.tag and subprocess.check_output(["git", "status", "--porcelain"], cwd=ROOT):
         found.append("git status shows changes")
     if options.built is None:

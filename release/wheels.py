@@ -75,13 +75,16 @@ def main(arguments=None):
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--all-pythons", action="store_true", help="for each Python from 3.10 to 3.14")
+    parser.add_argument("--only", metavar="VERSION", help="for this Python, such as 3.12")
     parser.add_argument("--python", action="append", default=[], metavar="PATH", help="also use this one")
     parser.add_argument("--ros", nargs="+", choices=RELEASES, default=["jazzy"], help="the releases of ROS 2")
     parser.add_argument("--oldest", action="store_true", help="with Python 3.10 and the oldest requirements")
     parser.add_argument("--untested", action="store_true", help="build without running the tests")
     options, of_pytest = parser.parse_known_args(arguments)
     found = interpreters(options.python)
-    if not options.all_pythons:
+    if options.only is not None:
+        found = {options.only: found.get(options.only)}
+    elif not options.all_pythons:
         given = {str(Path(path).absolute()) for path in options.python}
         named = {version for version, path in found.items() if path in given}
         found = {

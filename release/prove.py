@@ -1,0 +1,259 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""
+Run everything that a page claims, by `make prove`: `python -m release.prove`.
+
+Each step runs one command. Its result is kept in `release/proofs.json`, with the commit and a hash of the
+files that the step reads; a step whose files have not changed since it passed is not due, and is not run
+again. So a run may end at any time, and the next one continues. `docs/development/proofs.md` has a row for
+each step.
+"""
+
+import argparse
+import datetime
+import hashlib
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from release.interpreters import VERSIONS, interpreters
+
+ROOT = Path(__file__).resolve().parent.parent
+KEPT, PAGE = Path("release", "proofs.json"), Path("docs", "development", "proofs.md")
+# Archives with other releases of ROS, see release/rclpy_release_tests.py.
+OVERLAYS = ROOT.parent / "shared" / "ros"
+RELEASES = ("wheels of jazzy", "wheels of kilted", "rclpy-3.3.21-on-jazzy", "rclpy-7.1.11-jazzy")
+RELEASES += ("rclpy-9.1.5-kilted", "rclpy-10.0.10-on-kilted", "rclpy-11.0.0-on-kilted")
+# What is made of results is no reason to repeat a step.
+MADE = (str(KEPT), str(PAGE), "docs/development/reliability.md", "QUALITY_DECLARATION.md")
+
+PACKAGES = ("tf2_py/*", "tf2_ros/*", "tf2_geometry_msgs/*", "tf2_sensor_msgs/*", "tf2_ros_cython/*")
+BUILD = ("setup.py", "setup.cfg", "pyproject.toml", "build_backend/*", "messages/*", "Makefile", "step.mk")
+CORE = (*PACKAGES, *BUILD)
+TESTS_OF_NODES = ("tests/ros/*", "tests/support/*", "tests/conftest.py")
+# Tests of the core read pages, the release's scripts, and the requirements of the tools.
+SUITE = (
+    *CORE,
+    "tests/*",
+    "docs/*",
+    "examples/*",
+    "release/*",
+    "reliability/*",
+    "bench/*",
+    ".github/*",
+    ".ci/*",
+)
+SUITE += ("*.md", "*.rst", "*.toml", "*.yaml", "package.xml", "resource/*", "LICENSE*", "tools/*.toml")
+SUITE += ("tools/package.xml", "tools/docs/*", "tools/README.md")
+TOOLS = (*CORE, "tools/*", "tests/support/*", "docs/*", "README.md")
+EVERYTHING = ("*",)
+PAGE_HEAD = """# Proofs
+
+What was run, on which commit, and with which result? `make prove` writes this page. It runs each step whose
+files have changed since it passed; `make prove OPTIONS=--list` names these steps. A step without tests counts
+as one.
+
+"""
+# The last line of pytest, and of each of its runs in one command.
+COUNT = re.compile(r"(\d+) (passed|failed|errors?|skipped)\b")
+SUMMARY = re.compile(r"^=* ?(?:\d+ \w+(?:, )?)+ in [\d.]+s.*$", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Step:
+    """
+    One thing to prove.
+
+    :param command: what proves it, in the folder of the repository.
+    :param reads: patterns of the tracked files on which its result depends.
+    :param lacks: what it needs and this machine does not have; ``""``: nothing.
+    """
+
+    name: str
+    command: tuple[str, ...]
+    reads: tuple[str, ...]
+    lacks: str = ""
+
+
+def steps():
+    """All of them, in the order in which they run: those that find most faults in least time come first."""
+    yield Step("lint", ("make", "lint"), EVERYTHING)
+    yield Step("README's commands in a fresh clone", ("make", "bare"), EVERYTHING)
+    yield Step("core, all tests", ("make", "test-core-all"), SUITE)
+    yield Step("tools, all tests", ("make", "-C", "tools", "test-all"), TOOLS)
+    answers = ("make", "test-core", "TESTS=tests/core/test_recorded_answers.py")
+    yield Step("recorded answers", answers, (*CORE, "tests/core/*", "tests/support/*"))
+    yield Step("guard", ("make", "guard"), (*CORE, "bench/*"))
+    yield Step("docs", ("make", "docs"), (*CORE, "docs/*", "tools/docs/*", "tools/tf2_ros_tools/*", "*.md"))
+    yield Step("stress", ("make", "stress", "MINUTES=10"), (*CORE, "reliability/*"))
+    for kind in ("address", "thread"):
+        command = ("make", "sanitize", f"OPTIONS={kind}")
+        yield Step(f"sanitizers, {kind}", command, (*CORE, "tests/*", "tools/*", "reliability/*"))
+    yield Step(
+        "fuzzing", ("make", "fuzz"), (*CORE, "reliability/*", "tools/tests/fuzz/*", "tools/tf2_ros_tools/*")
+    )
+    yield Step("coverage", ("make", "coverage"), (*CORE, "tests/core/*", *TESTS_OF_NODES, "reliability/*"))
+    found = interpreters([])
+    for version in VERSIONS:
+        lacks = "" if found[version] else f"no Python {version}"
+        command = ("make", "wheels", f"OPTIONS=--only {version}")
+        yield Step(f"installed wheels, Python {version}", command, (*SUITE, *TOOLS), lacks)
+    yield from _releases()
+    lacks = "" if any(OVERLAYS.glob("tf2-0.36.20-*.tar.xz")) else "no archive of tf2 0.36.20"
+    yield Step("beside the real tf2", (".ci/run", "reference"), SUITE, lacks)
+
+
+def _releases():
+    reads = (*CORE, *TESTS_OF_NODES, "release/*")
+    for name in RELEASES:
+        lacks = (
+            "" if name.startswith("wheels") or any(OVERLAYS.glob(f"{name}-*.tar.xz")) else "no archive of it"
+        )
+        # All tests of nodes, which CI runs by turns.
+        command = ("make", "releases", f"OPTIONS=--only '{name}' tests/ros")
+        yield Step(f"tests of nodes, {name}", command, reads, lacks)
+    python = os.environ.get("TF2_PROVE_CYCLONEDDS", "")
+    command = ("env", "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp", python, "-m", "pytest", "-q", "tests/ros")
+    lacks = "" if python else "no Python with rmw_cyclonedds_cpp in TF2_PROVE_CYCLONEDDS"
+    yield Step("tests of nodes, Cyclone DDS", command, reads, lacks)
+
+
+def hash_of(step, tracked):
+    """What a result depends on: the contents of what the step reads, and its command."""
+    read = [
+        f"{name} {content}"
+        for name, content in sorted(tracked.items())
+        if name not in MADE and any(fnmatchcase(name, pattern) for pattern in step.reads)
+    ]
+    return hashlib.sha256("\n".join([*step.command, *read]).encode()).hexdigest()[:16]
+
+
+def tracked_files(root=ROOT):
+    """The contents that git has of each tracked file, by name."""
+    listed = subprocess.check_output(["git", "ls-tree", "-r", "-z", "HEAD"], cwd=root, text=True)
+    rows = (line.partition("\t") for line in listed.split("\0") if line)
+    return {name: facts.split()[2] for facts, _, name in rows}
+
+
+def results(root=ROOT):
+    """The kept results by the names of their steps."""
+    kept = root / KEPT
+    return json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else {}
+
+
+def due(found, kept, tracked):
+    """The steps that have not passed with the files of now; those that cannot run here are none."""
+    return [
+        one
+        for one in found
+        if not one.lacks
+        and (
+            one.name not in kept
+            or kept[one.name]["failed"]
+            or kept[one.name]["hash"] != hash_of(one, tracked)
+        )
+    ]
+
+
+def counts_of(output, status):
+    """How many tests passed, failed and were skipped; a command without tests passes or fails once."""
+    counted = dict.fromkeys(("passed", "failed", "skipped"), 0)
+    for line in SUMMARY.findall(output):
+        for number, what in COUNT.findall(line):
+            counted["failed" if what.startswith("error") else what] += int(number)
+    if not counted["passed"] + counted["failed"]:
+        counted["failed" if status else "passed"] = 1
+    elif status and not counted["failed"]:
+        counted["failed"] = 1
+    return counted
+
+
+def run(step, root, tracked):
+    """Run a step, and return its result."""
+    print(f"== {step.name}: {' '.join(step.command)}", flush=True)
+    begin = time.monotonic()
+    log = root / "build" / "proofs" / f"{re.sub(r'[^a-z0-9.]+', '-', step.name.lower())}.log"
+    log.parent.mkdir(parents=True, exist_ok=True)
+    with open(log, "w", encoding="utf-8") as written:
+        status = subprocess.run(step.command, cwd=root, stdout=written, stderr=subprocess.STDOUT).returncode
+    output = log.read_text(encoding="utf-8", errors="replace")
+    commit = subprocess.check_output(["git", "rev-parse", "--short=8", "HEAD"], cwd=root, text=True).strip()
+    cores = len(os.sched_getaffinity(0))
+    result = {
+        **counts_of(output, status),
+        "commit": commit,
+        "date": datetime.date.today().isoformat(),
+        "machine": f"{cores} cores, {platform.machine()}, Python {platform.python_version()}",
+        "minutes": round((time.monotonic() - begin) / 60, 1),
+        "hash": hash_of(step, tracked),
+    }
+    if covered := dict(re.findall(r"^(Python|Cython): (.*)$", output, re.MULTILINE)):
+        result["covered"] = covered
+    print(f"   {'failed, see ' + str(log) if result['failed'] else 'passed'}", flush=True)
+    return result
+
+
+def page(found, kept):
+    """The page with a row for each step."""
+    head = ["step", "command", "passed", "failed", "skipped", "minutes", "commit", "date", "machine"]
+    rows = []
+    for one in found:
+        command = f"`{' '.join(one.command)}`" if one.command else "–"
+        if (result := kept.get(one.name)) is None:
+            rows.append([one.name, command, one.lacks and f"not had: {one.lacks}" or "not run", *[""] * 6])
+        else:
+            numbers = (f"{result[key]:,}" for key in ("passed", "failed", "skipped", "minutes"))
+            rows.append([one.name, command, *numbers, result["commit"], result["date"], result["machine"]])
+    lines = [f"| {' | '.join(row)} |" for row in (head, *rows)]
+    lines.insert(1, "|---" * len(head) + "|")
+    return PAGE_HEAD + "\n".join(lines) + "\n"
+
+
+def keep(found, kept, root=ROOT):
+    """Write the results and the page."""
+    names = {one.name for one in found}
+    kept = {name: kept[name] for name in kept if name in names}
+    (root / KEPT).write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    (root / PAGE).write_text(page(found, kept), encoding="utf-8")
+
+
+def changed_files(root=ROOT):
+    """What is not committed, except for what this writes."""
+    lines = subprocess.check_output(["git", "status", "--porcelain"], cwd=root, text=True).splitlines()
+    return [line[3:] for line in lines if line[3:] not in MADE]
+
+
+def main(arguments=None, found=None, root=ROOT):
+    parser = argparse.ArgumentParser(
+        prog="python -m release.prove",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--list", action="store_true", help="only name the steps that are due")
+    parser.add_argument("--only", default="", metavar="WORD", help="only those with this word in their names")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no step after this time")
+    options = parser.parse_args(arguments)
+    found, kept, tracked = list(steps() if found is None else found), results(root), tracked_files(root)
+    todo = [one for one in due(found, kept, tracked) if options.only in one.name]
+    if options.list or not todo:
+        print(*[one.name for one in todo] or ["nothing is due"], sep="\n")
+        return 0
+    if changed := changed_files(root):
+        parser.error(f"commit first, because a proof has a commit: {', '.join(changed)}")
+    end = time.monotonic() + options.minutes * 60
+    for one in todo:
+        if time.monotonic() < end:
+            kept[one.name] = run(one, root, tracked)
+            keep(found, kept, root)
+    return 1 if any(kept.get(one.name, {}).get("failed") for one in todo) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -23,7 +23,7 @@ from tf2_ros._wait.changes_iterator import Changes
 from tf2_ros._wait.futures import TransformFuture, WakingFuture, end_for
 from tf2_ros._wait.lookup_or_wait import Lookup
 from tf2_ros._wait.pending import ChangeSubscription
-from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
+from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface, with_docstrings_of_bases
 from tf2_ros_cython._ros_presence import HAS_ROS, absence
 
 if TYPE_CHECKING or HAS_ROS:
@@ -68,6 +68,7 @@ SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", 
 _OF_INIT = frozenset("registration _tf2_kept _tf2_sources srv jump_handle _tf2_node _tf2_clock".split())
 
 
+@with_docstrings_of_bases
 class Buffer(BufferCore, BufferInterface):
     """
     A history of recent transforms that answers where one frame is relative to another.

@@ -42,7 +42,7 @@ from tf2_ros._sources import SHUT_DOWN
 from tf2_ros._wait.call_runners import call_queue_of
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.lookup_or_wait import warn_in_a_loop
-from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
+from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface, with_docstrings_of_bases
 from tf2_ros.buffer_server import CODES, GOAL_SERVICE, STATUS_TOPIC
 
 __all__ = [
@@ -344,6 +344,7 @@ class GoalSender:
             yield
 
 
+@with_docstrings_of_bases
 class BufferClient(BufferInterface):
     """
     Looks up transforms in the buffer of a buffer server.

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Transform objects with the lookups of any buffer."""
 
+import inspect
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, overload
 
 import tf2_py as tf2
@@ -430,6 +431,16 @@ class BufferInterface:
         except TransformException as error:
             return False, str(error)
         return True, ""
+
+
+def with_docstrings_of_bases(cls: type[_Object]) -> type[_Object]:
+    """Copy docstrings from bases, where ``inspect.getdoc`` would find them, but ``__doc__`` would not."""
+    for name, member in vars(cls).items():
+        method = getattr(member, "__func__", member)  # of a class method
+        if inspect.isfunction(method) and method.__doc__ is None:
+            texts = [getattr(base, name).__doc__ for base in cls.__mro__ if hasattr(base, name)]
+            method.__doc__ = next(filter(None, texts), None)
+    return cls
 
 
 def _at(time: TimeLike, transform: TransformStamped) -> TransformStamped:

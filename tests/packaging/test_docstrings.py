@@ -5,6 +5,7 @@
 import doctest
 import importlib
 import inspect
+import re
 import typing
 
 import pytest
@@ -38,8 +39,11 @@ def examples(thing):
     """The lines to type, and what they print, in the text of a class and of its public methods."""
     members = vars(thing) if inspect.isclass(thing) else {}
     texts = [thing.__doc__, *(m.__doc__ for n, m in members.items() if n[0] != "_" and inspect.isroutine(m))]
+    of_bases = {m.__doc__ for base in getattr(thing, "__mro__", ())[1:] for m in vars(base).values()}
     parse = doctest.DocTestParser().get_examples
-    return [example for text in texts for example in parse(inspect.cleandoc(text or ""))]
+    return [
+        example for text in texts if text not in of_bases for example in parse(inspect.cleandoc(text or ""))
+    ]
 
 
 @pytest.mark.parametrize("name", CLASSES)
@@ -52,9 +56,21 @@ def test_a_public_class_has_an_example(name):
 def test_the_text_of_a_method_is_that_of_the_base(name):
     # A second one would sooner or later say something else.
     cls = PUBLIC[name]
-    bases = [one for one in cls.__mro__[1:] if one in PUBLIC.values()]
-    methods = [(n, m) for n, m in vars(cls).items() if n[0] != "_" and inspect.isroutine(m) and m.__doc__]
-    assert [n for n, _ in methods if any(vars(base)[n].__doc__ for base in bases if n in vars(base))] == []
+    for base in [one for one in cls.__mro__[1:] if one in PUBLIC.values()]:
+        for of in (of for of in vars(cls) if of in vars(base) and of[0] != "_"):
+            text, of_base = (inspect.getdoc(getattr(one, of)) for one in (cls, base))
+            assert text == of_base or of_base is None, of
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_a_public_method_has_a_text_and_describes_arguments_that_it_has(name):
+    for of, method in methods_of(PUBLIC[name]).items():
+        if of == "__init__" or inspect.ismethoddescriptor(method) and not hasattr(method, "__annotations__"):
+            continue
+        assert method.__doc__, of
+        described = {text.split()[-1] for text in re.findall(":param ([^:]+):", method.__doc__)}
+        if (name, of) != ("BufferInterface", "lookup_transform"):  # a subclass may have options
+            assert described <= {*inspect.signature(method).parameters}, of
 
 
 @pytest.mark.parametrize("name", PUBLIC)

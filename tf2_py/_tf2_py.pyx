@@ -355,8 +355,12 @@ cdef class BufferCore(Engine):
             ``"frozen"`` with the path of the file stands for the contents, cache time and limits.
         """
         cdef dict state = self.frozen_state() or self.export()
-        state["attributes"] = dict(getattr(self, "__dict__", {}))
+        state["attributes"] = self._tf2_attributes()
         return state
+
+    def _tf2_attributes(self) -> dict[str, Any]:
+        """Get the attributes that a pickle or copy has, too."""
+        return dict(getattr(self, "__dict__", {}))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """
@@ -387,6 +391,10 @@ cdef class BufferCore(Engine):
         if attributes:
             # As in pickle, this bypasses a __setattr__ of the class, which may rely on what __init__ does.
             self.__dict__.update(attributes)
+        self._tf2_restored()
+
+    def _tf2_restored(self) -> None:
+        """Set the attributes that a state does not have; called after it has replaced the contents."""
 
     def freeze(self, path: str | os.PathLike[str]) -> None:
         """

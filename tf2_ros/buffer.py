@@ -94,6 +94,17 @@ class Buffer(BufferCore, BufferInterface):
     ``Duration``, a duration message, a ``timedelta``, or a number of seconds. Timeouts count steady time,
     also while time is simulated. NaT and NaN raise a ``ValueError``.
 
+    Every ``policy`` stands for these options, which are keyword arguments of lookups;
+    :class:`tf2_py.typing.LookupPolicy` describes them:
+
+    - ``tolerance``: frames may be this far behind the time, and then stay at their newest sample. A duration,
+      or a mapping of frames to durations.
+    - ``extrapolate``: such frames continue at the velocity of their last two samples instead. A bool.
+    - ``max_gap``: samples that are further apart have no answer between them. A duration.
+    - ``max_age``: the latest transform may be this old on the clock of the buffer. As ``tolerance``.
+
+    A pickle or copy has its own clock, unless the buffer has none, and no service.
+
     Ctrl-C ends a blocking lookup, and so does shutting down the contexts of the buffer's node and listeners,
     or, without these, the default context.
 
@@ -175,29 +186,18 @@ class Buffer(BufferCore, BufferInterface):
         self._tf2_clock = None if clock is None else BufferClock(clock, reports_jumps)
         self._tf2_follow_clock(self._tf2_clock)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """
-        Return what a pickle or copy is made of: see ``BufferCore``, but without what belongs to a node. The
-        copy has its own clock, unless this has none, and no service.
-        """
-        state = super().__getstate__()
-        attributes = state["attributes"]
-        state["attributes"] = {name: value for name, value in attributes.items() if name not in _OF_INIT}
-        if "_tf2_clock" in attributes and self.clock is None:
-            state["attributes"]["_tf2_clock"] = None
-        return state
+    def _tf2_attributes(self) -> dict[str, Any]:
+        attributes = {name: value for name, value in self.__dict__.items() if name not in _OF_INIT}
+        if "_tf2_clock" in self.__dict__ and self.clock is None:
+            attributes["_tf2_clock"] = None
+        return attributes
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Replace the contents by a state, see ``BufferCore``; this buffer keeps its node."""
-        super().__setstate__(state)
-        if "registration" not in self.__dict__:
+    def _tf2_restored(self) -> None:
+        if "registration" not in self.__dict__:  # else this buffer keeps its node
             has_clock = "_tf2_clock" not in self.__dict__
             self.__connect(None)
             if not has_clock:
                 self.clock = None
-
-    def __del__(self) -> None:
-        """Do nothing: what follows the clock ends by itself. Subclasses call this, as in tf2."""
 
     def lookup_transform(
         self,
@@ -282,7 +282,7 @@ class Buffer(BufferCore, BufferInterface):
         :param source_frame: the frame that the data is in.
         :param time: the time; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait; then the future holds a ``TimeoutException``. None: forever.
-        :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`.
+        :param policy: options such as ``tolerance``, see :class:`Buffer`.
         :return: a future that can also be awaited. Its result is a ``TransformStamped``, or the error of the
             lookup.
         :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a duration.
@@ -319,7 +319,7 @@ class Buffer(BufferCore, BufferInterface):
         :param source_time: the time of the data; 0 is the latest time.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait; then the future holds a ``TimeoutException``. None: forever.
-        :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`.
+        :param policy: options such as ``tolerance``, see :class:`Buffer`.
         :return: a future that can also be awaited. Its result is a ``TransformStamped``.
 
         :meth:`wait_for_transform_async` describes where callbacks run, and the errors.

@@ -113,6 +113,9 @@ class BufferInterface:
     def __init__(self) -> None:
         self.registration = TransformRegistration()
 
+    def __del__(self) -> None:
+        """Do nothing. Subclasses call this, as in tf2."""
+
     def transform(
         self,
         object_stamped: _Object,
@@ -135,9 +138,8 @@ class BufferInterface:
         :param prefix: put before the frame of the object, for example ``"robot1/"``: the prefix of the
             :class:`TransformListener` that receives the transforms of the same robot. No prefix is
             put before ``target_frame``. The object is not changed.
-        :param policy: further arguments of the lookup: those of :class:`tf2_py.typing.LookupPolicy`, if this
-            is a :class:`tf2_ros.Buffer`. The lookups of a :class:`tf2_ros.BufferClient` accept ``max_age``,
-            as one duration.
+        :param policy: further arguments of the lookup, such as ``tolerance``, see :class:`tf2_ros.Buffer`.
+            The lookups of a :class:`tf2_ros.BufferClient` accept ``max_age``, as one duration.
         :return: a new object, with the stamp of the object given, even if a ``tolerance`` accepted an older
             transform. If the stamp of the object is 0, the new object has the stamp of the transform, except
             for a point cloud.
@@ -258,7 +260,7 @@ class BufferInterface:
             is nanoseconds.
         :param timeout: how long to wait for an answer, in steady time. A number is seconds. Zero or negative:
             do not wait.
-        :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`. A
+        :param policy: options such as ``tolerance``, see :class:`tf2_ros.Buffer`. A
             :class:`tf2_ros.BufferClient` accepts ``max_age``, as one duration.
         :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
             (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0. With a

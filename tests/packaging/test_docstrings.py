@@ -5,12 +5,15 @@
 import doctest
 import importlib
 import inspect
+import pydoc
 import re
+import types
 import typing
 
 import pytest
 from spinning_nodes import spun_node
 
+from tf2_py.typing import TimeLike
 from tf2_ros_cython import _installation
 
 OF_ARRAYS = importlib.import_module("tf2_ros.numpy")
@@ -73,6 +76,14 @@ def test_a_public_method_has_a_text_and_describes_arguments_that_it_has(name):
             assert described <= {*inspect.signature(method).parameters}, of
 
 
+def test_help_begins_with_the_public_methods():
+    """As far as Python allows, which sorts by name: those with underscores are methods of bases."""
+    text = pydoc.render_doc(PUBLIC["Buffer"], renderer=pydoc.plaintext)
+    names = re.findall(r"^ \|  (?:async )?(\w+)\(.*\n \|      ", text, re.MULTILINE)
+    first = names[: names.index("lookup_transform")]
+    assert [name for name in first if name.startswith("_")] == ["__init__"]
+
+
 @pytest.mark.parametrize("name", PUBLIC)
 def test_no_text_refers_to_files_that_are_not_installed(name):
     members = vars(PUBLIC[name]).values() if inspect.isclass(PUBLIC[name]) else ()
@@ -133,6 +144,12 @@ def functions():
 
 
 FUNCTIONS = functions()
+
+
+@pytest.mark.skipif(isinstance(TimeLike, types.UnionType), reason="neither Python 3.12 nor typing_extensions")
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_signature_names_types_and_not_what_they_stand_for(name):
+    assert "HasNanoseconds" not in str(inspect.signature(FUNCTIONS[name]))
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)

@@ -1215,13 +1215,23 @@ cdef class BufferCore(Engine):
         source_time: TimeLike,
         fixed_frame: str,
     ) -> list[str]:
-        """Get the frames from the source up to the common ancestor and down to the target, each once."""
-        catch_up(self)
+        """
+        Get the frames from the source up to the common ancestor and down to the target, each once.
+
+        As in tf2, they are those up to the fixed frame if the target is unknown, and none if the source and
+        the fixed frame are.
+        """
+        cdef Py_ssize_t size
         cdef int64_t target_ns = stamp_nanoseconds(target_time, "target_time")
         cdef int64_t source_ns = stamp_nanoseconds(source_time, "source_time")
         cdef list chain = []
-        extend_path(chain, self.frames_between(fixed_frame, source_frame, source_ns))
-        extend_path(chain, self.frames_between(target_frame, fixed_frame, target_ns))
+        name_utf8(target_frame, &size, "target_frame")
+        name_utf8(source_frame, &size, "source_frame")
+        name_utf8(fixed_frame, &size, "fixed_frame")
+        if source_frame in self or fixed_frame in self:
+            extend_path(chain, self.frames_between(fixed_frame, source_frame, source_ns))
+            if target_frame in self:
+                extend_path(chain, self.frames_between(target_frame, fixed_frame, target_ns))
         return self.frame_names(chain)
 
     def statistics(self) -> dict[str, Any]:

@@ -76,6 +76,14 @@ class TestPath:
             with pytest.raises(tf2_py.TransformException):
                 buffer.get_latest_common_time("r1001", "l1000")
 
+    @pytest.mark.tf2
+    def test_a_chain_lacks_the_halves_with_unknown_ends(self, buffer):
+        assert buffer._chain("nowhere", at(0), "nobody", at(0), "nothing") == []
+        fill(buffer, ("map odom",), ("odom base",))
+        for target in ("map", "base", "nowhere", ""):
+            assert buffer._chain(target, at(0), "nobody", at(0), "nothing") == []
+        assert buffer._chain("nowhere", at(0), "map", at(0), "base") == ["map", "odom", "base"]
+
     def test_hops_above_the_common_ancestor_do_not_count(self, buffer):
         for i in range(1500):
             buffer.set_transform_static(transform(f"f{i}", f"f{i + 1}", 0, (1, 0, 0)), "x")
@@ -99,6 +107,8 @@ class TestErrors:
             lambda: buffer.parent(name),
             lambda: buffer.children(name),
             lambda: buffer.path("b", name),
+            lambda: buffer._chain(name, at(0), "b", at(0), "c"),
+            lambda: buffer._chain("b", at(0), "c", at(0), name),
         ):
             with pytest.raises(error):
                 call()

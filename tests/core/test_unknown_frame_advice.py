@@ -55,7 +55,7 @@ def test_it_follows_the_text_of_tf2_in_every_error(tf2_py):
         lambda: buffer.lookup_transforms("map", wrong, [1, 2]),
         lambda: buffer.lookup_matrices("map", wrong, [1, 2]),
         lambda: buffer.lookup_matrix("map", wrong, LATEST),
-        lambda: buffer._chain("map", LATEST, wrong, LATEST, "map"),
+        lambda: buffer._chain("map", LATEST, "base_link", LATEST, wrong),
         lambda: buffer.get_latest_common_time("map", wrong),
         lambda: buffer.parent(wrong),
         lambda: buffer.children(wrong),

@@ -641,13 +641,15 @@ class Model(Listings, Policies, Explanations):
     def chain(self, target, target_ns, source, source_ns, fixed):
         require_stamps(target_ns, source_ns)
         halves = []
-        for end, begin, ns in ((fixed, source, source_ns), (target, fixed, target_ns)):
+        if source in self.names or fixed in self.names:
+            halves.append((fixed, source, source_ns))
+            if target in self.names:
+                halves.append((target, fixed, target_ns))
+        found = []
+        for end, begin, ns in halves:
             self._check_names("lookupTransform", target_frame=end, source_frame=begin)
-            if begin == end:
-                halves.append([begin])
-            else:
-                halves.append(self._walk_asked(end, begin, ns)[2])
-        return without_detours(halves[0] + halves[1])
+            found += [begin] if begin == end else self._walk_asked(end, begin, ns)[2]
+        return without_detours(found)
 
     def velocity(self, tracking, observation, reference, point, point_frame, ns, interval_ns):
         """

@@ -10,6 +10,8 @@ import re
 from pathlib import Path
 
 INDEX = "docs/index"
+# On the site, but not in the table of contents; CONTRIBUTING.md lists them.
+FOR_MAINTAINERS = ("docs/development/distribution-packages", "docs/development/first-release")
 LINK = re.compile(r"\[(?P<text>[^\]]*)\]\((?P<path>[^)\s#:]+)(?P<anchor>#[^)\s]*)?\)")
 HEADING = re.compile(r"^## (?P<title>.*)$", re.MULTILINE)
 
@@ -46,3 +48,5 @@ def read_page(app, name: str, source: list[str]) -> None:
     source[0] = LINK.sub(lambda found: found[0] if is_on_site(found["path"]) else found["text"], source[0])
     if name == INDEX:
         source[0] += "\n" + contents(source[0], is_on_site) + "\n"
+    elif name in FOR_MAINTAINERS:
+        source[0] = f"---\norphan: true\n---\n{source[0]}"  # otherwise, Sphinx warns

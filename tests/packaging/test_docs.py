@@ -3,6 +3,7 @@
 """The documentation: its programs run, its commands work, its links lead somewhere, its names exist."""
 
 import re
+import runpy
 import subprocess
 import sys
 from contextlib import ExitStack
@@ -14,6 +15,7 @@ from documentation_pages import (
     check_links,
     commands_and_spans,
     libraries_of,
+    linked_pages,
     named_files,
     named_programs,
     names_of,
@@ -159,6 +161,15 @@ def test_the_commands_of_a_page_name_targets_files_and_extras_that_exist(page):
 @by_name
 def test_links_lead_somewhere(page):
     check_links(page)
+
+
+def test_the_index_lists_all_pages_except_those_for_maintainers():
+    names = runpy.run_path(str(ROOT / "docs" / "pages_for_sphinx.py"))["FOR_MAINTAINERS"]
+    for_maintainers = {ROOT / f"{name}.md" for name in names}
+    index = ROOT / "docs" / "index.md"
+    pages = {*PAGES, *(ROOT / "tools" / "docs").rglob("*.md")}
+    assert pages - linked_pages(index) == {index, *for_maintainers}
+    assert for_maintainers <= linked_pages(ROOT / "CONTRIBUTING.md")
 
 
 REFERENCE = [*(ROOT / "docs" / "api").glob("*.rst"), *(ROOT / "tools" / "docs" / "api").glob("*.rst")]

@@ -170,6 +170,12 @@ def check_links(page):
         assert not anchor or anchor in _anchors(target), link
 
 
+def linked_pages(page):
+    """The files that a page links to."""
+    paths = (link.partition("#")[0] for link in LINK.findall(prose(page)) if not link.startswith("https://"))
+    return {(page.parent / path).resolve() for path in paths if path}
+
+
 def _anchors(page):
     headings = HEADING.findall(prose(page))
     return {re.sub(r"[^\w\- ]", "", heading).strip().lower().replace(" ", "-") for heading in headings}

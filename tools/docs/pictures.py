@@ -4,8 +4,9 @@
 Draws the pictures in docs/images and tools/docs/images: `make pictures`, in two minutes.
 
 Most are what a program draws, or shows on a terminal, while a robot drives: the robot of examples/demo.py,
-that of docs/getting-started.md, or that with faults, of faulty_robot.py. Two others are drawn by programs in
-docs: the bar chart of lookups, from the results of `make bench`, and the path of a transform.
+that of docs/getting-started.md, or that with faults, of faulty_robot.py. One is drawn from the recording
+`slam` of docs/samples. Two others are drawn by programs in docs: the bar chart of lookups, from the results
+of `make bench`, and the path of a transform.
 """
 
 import contextlib
@@ -45,6 +46,9 @@ PICTURES = {
     "getting-started-tree.svg": "view_frames -o robot.svg",
     "demo-path.png": "tf2_plot --path map camera -t 8 -o path.png",
     "demo-heard.png": "tf2_plot -t 8 -o received.png",
+    "corrected-path.png": (
+        "tf2_bag plot slam --path map base_link --trajectory /slam/path map odom base_link -o path.png"
+    ),
     "demo-monitor.svg": "tf2_monitor map camera",
     "faults-monitor-tree.svg": "tf2_monitor",
 }
@@ -71,6 +75,7 @@ def main() -> None:
     draw(ROOT / "docs" / "images" / "getting-started-tree.svg", robot=first_robot())
     draw(IMAGES / "demo-path.png", stopped=True)
     draw(IMAGES / "demo-heard.png", stopped=True)
+    draw_recorded(IMAGES / "corrected-path.png")
     show_monitor(IMAGES / "demo-monitor.svg", rows=16)
     show_monitor(IMAGES / "faults-monitor-tree.svg", rows=34, keys="e", robot=FAULTS)
 
@@ -132,6 +137,15 @@ def _show_monitor(picture: Path, rows: int, keys: str) -> None:
     for number in range(rows):
         console.print(_line(screen, number))
     console.save_svg(str(picture), title=PICTURES[picture.name], code_format=WITHOUT_FONTS)
+
+
+def draw_recorded(picture: Path) -> None:
+    """Let the command of a picture draw it from a sample."""
+    program, *arguments, file = shlex.split(PICTURES[picture.name])
+    with tempfile.TemporaryDirectory() as folder:
+        command = [*_command(program), *arguments, Path(folder) / file]
+        subprocess.run(command, cwd=TOOLS / "docs" / "samples", check=True)
+        shutil.copy(Path(folder) / file, picture)
 
 
 def with_robot(run: Callable[[subprocess.Popen], None], robot: Sequence[str | Path] = ROBOT) -> None:

@@ -5,7 +5,8 @@ Write the recordings in docs/samples, which pages of the documentation use: `pyt
 
 A robot drives in a circle for 10 s and takes two pictures a second (`drive`, and as `two_robots`); in the
 same drive, a second is missing and the camera has two parents (`faults`); an antenna has its poses (`gps`);
-an arm moves for 2 s with a camera on its gripper (`runs`, with its joint states only).
+an arm moves for 2 s with a camera on its gripper (`runs`, with its joint states only). A robot drives an
+eight in a minute, its odometry drifts, and a SLAM closes the loop at the end (`slam`).
 """
 
 import math
@@ -106,6 +107,35 @@ def antenna(record: Recorder) -> None:
         record("/gps/pose", ns, message("geometry_msgs/msg/PoseStamped", header(ns, "map"), pose))
 
 
+def slam(record: Recorder) -> None:
+    """An eight of 24 m by 10 m, whose odometry turns too little; the SLAM notices when the loop is closed."""
+    begin, steps = 1000 * S, 300
+    angles = 2.0 * math.pi * np.arange(steps + 1) / steps
+    places = 12.0 * np.sin(angles) + 5.0j * np.sin(2.0 * angles)
+    headings = np.unwrap(np.angle(12.0 * np.cos(angles) + 10.0j * np.cos(2.0 * angles)))
+    # What the odometry measures is the motion in the robot's frame, with a bias of 0.25 degrees in a second.
+    drifted = headings - math.radians(0.25) * 0.2 * np.arange(steps + 1)
+    moves = np.diff(places) * np.exp(1j * (drifted - headings))[:-1]
+    measured = places[0] + np.concatenate(([0.0], np.cumsum(moves)))
+    poses = []
+    for step in range(steps + 1):
+        ns = begin + step * S // 5
+        record(
+            "/tf",
+            ns,
+            transforms(ns, "odom", "base_link", measured[step].real, measured[step].imag, drifted[step]),
+        )
+        if step % 5 == 0:  # it publishes what it believes; until the loop is closed, that there is no drift
+            yaw = headings[step] - drifted[step] if step == steps else 0.0
+            place = places[step] - measured[step] * np.exp(1j * yaw) if step == steps else 0.0j
+            record("/tf", ns, transforms(ns, "map", "odom", place.real, place.imag, yaw))
+        if step % 10 == 0:
+            point = message("geometry_msgs/msg/Point", places[step].real, places[step].imag, 0.0)
+            pose = message("geometry_msgs/msg/Pose", point, turned(headings[step]))
+            poses.append(message("geometry_msgs/msg/PoseStamped", header(ns, "map"), pose))
+    record("/slam/path", ns, message("nav_msgs/msg/Path", header(ns, "map"), poses))
+
+
 def arm(record: Recorder, begin: int, speed: float) -> None:
     none = np.zeros(0)
     for step in range(41):
@@ -135,6 +165,8 @@ def write(folder: Path) -> None:
         faults(record)
     with recording(folder / "gps") as record:
         antenna(record)
+    with recording(folder / "slam") as record:
+        slam(record)
     (folder / "runs").mkdir()
     for number in range(3):
         with recording(folder / "runs" / f"run{number}") as record:

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from making_bags import S, Sent, Tf, drive, write_mcap
 from picture_texts import texts_of
+from times_and_transforms import transform
 
+from tf2_ros_tools.bag import Trajectory, load
 from tf2_ros_tools.pictures.path import path_picture, trajectory_figure
 from tf2_ros_tools.pictures.style import file_of
-from tf2_ros_tools.recordings.bag_loader import read_contents
+from tf2_ros_tools.recordings.bag_loader import read_contents, wanted
 from tf2_ros_tools.recordings.report import report
 
 
@@ -80,3 +82,40 @@ def test_a_file_of_a_long_path_stays_small_and_its_texts_are_texts(kind):
     written = file_of(trajectory_figure("map", "camera", *circle(144_000, 0.1)), kind)
     assert len(written) < 1_000_000
     assert kind == "pdf" or b"camera in map" in written
+
+
+def test_a_corrected_path_is_drawn_beside_the_recorded_one(tmp_path):
+    """The recorded one has the gaps of all its frames, the corrected one not those of the corrected frame."""
+    messages = [one for one in drive(100) if not 103 * S < one.log_ns < 105 * S]
+    base = [Tf("odom", "base", 103 * S + i * S // 10, (i / 100, 5.0, 0.0)) for i in range(20)]
+    messages += [Sent(one.ns, "/tf", [one]) for one in base]  # the map is not known from 103 to 105 s
+    path = write_mcap(tmp_path / "run.mcap", sorted(messages, key=lambda one: one.log_ns))
+    (tmp_path / "two.tum").write_text("100 0 0 0 0 0 0 1\n109.9 9 0 0 0 0 0 1\n")
+    for frames, name in ((("map", "odom"), "recorded"), (("world", "map"), "recorded, in map")):
+        what = wanted(trajectory=Trajectory(tmp_path / "two.tum", *frames, "base"))
+        heard = read_contents(path, what, keeps_uncorrected=True)
+        drawn = heard.buffer, heard.records, report(heard).streams, heard.frames, (frames[0], "base")
+        figure = path_picture(*drawn, before=heard.uncorrected, corrected=heard.corrected)
+        above, upper, _ = figure.axes
+        assert {name, "corrected"} <= set(texts_of(figure))
+        own = [line for line in above.lines if line.get_label() == name]
+        old = load(path)
+        [recorded], times = own, upper.lines[0].get_xdata()
+        known = ~np.isnan(recorded.get_xdata())
+        wanted_xy = old.lookup_transforms("map", "base", np.rint(times[known] * S).astype(np.int64))[0][:, :2]
+        assert recorded.get_xydata()[known] == pytest.approx(wanted_xy, abs=1e-6)
+        corrected = upper.lines[-3]
+        assert np.isnan(corrected.get_ydata()).any() == (frames[1] == "map")
+        assert np.isnan(recorded.get_xdata()).any()
+        assert corrected.get_ydata()[[0, -1]] == pytest.approx([0.0, 9.0], abs=1e-6)
+
+
+def test_nothing_is_drawn_as_recorded_if_the_frame_was_unknown(tmp_path):
+    path = write_mcap(tmp_path / "run.mcap", drive(100))
+    (tmp_path / "two.tum").write_text("100 0 0 0 0 0 0 1\n109.9 9 0 0 0 0 0 1\n")
+    what = wanted(trajectory=Trajectory(tmp_path / "two.tum", "world", "map", "base"))
+    heard = read_contents(path, what, keeps_uncorrected=True)
+    heard.buffer.set_transform_static(transform("earth", "world"), "x")
+    drawn = heard.buffer, heard.records, report(heard).streams, heard.frames, ("earth", "base")
+    figure = path_picture(*drawn, before=heard.uncorrected, corrected=heard.corrected)
+    assert not any("recorded" in text for text in texts_of(figure))

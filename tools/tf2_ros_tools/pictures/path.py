@@ -8,8 +8,9 @@ The functions that draw import matplotlib.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Collection, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from tf2_ros_tools.pictures.style import (
     BLUE,
     GAP,
     GREEN,
+    GREY,
     ORANGE,
     VERMILION,
     Records,
@@ -44,9 +46,24 @@ LINES: list[dict[str, Any]] = [
     {"color": ORANGE, "linestyle": "--"},
     {"color": GREEN, "linestyle": "-."},
 ]
+RECORDED: dict[str, Any] = {"color": GREY, "linestyle": (0, (4, 2)), "linewidth": 1.0, "zorder": 1}
 ARROWS = 12  # along the path
 ARROWS_WIDE = 12.0  # the width of the axes, in arrows
 MANY = 4000  # points of a line; a line with more is an image, because its file would be too large
+
+
+class Course(NamedTuple):
+    """
+    Where a frame was at N times, N of 1 or more.
+
+    ``times``: in seconds, ascending, shape (N,). ``positions``: x y z, in meters, shape (N, 3), of which the
+    first and the last are known; rows of NaN are gaps. ``rpy``: roll, pitch and yaw, in radians, shape
+    (N, 3); NaN where the positions are.
+    """
+
+    times: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    rpy: NDArray[np.float64]
 
 
 def path_picture(
@@ -55,12 +72,17 @@ def path_picture(
     streams: Sequence[Stream],
     frames: Sequence[str],
     ends: tuple[str, str],
+    *,
+    before: Buffer | None = None,
+    corrected: str | None = None,
 ) -> Any:
     """
     Draw a matplotlib figure of the path of a frame in another frame, at the stamps of the records.
 
     :param frames: names, indexed by the ids in the records.
     :param ends: the other frame, and the frame whose path is drawn.
+    :param before: a buffer as it was before a trajectory corrected it, whose path is drawn, too.
+    :param corrected: the frame that it has corrected, whose recorded gaps do not matter any more.
     :raises RunError: there is no path.
     """
     target, source = map(stored_name, ends)
@@ -72,28 +94,60 @@ def path_picture(
     stamps = stamps_on(records, frames, newest, chain)
     if not len(stamps):
         raise RunError(f"nothing moves between {target} and {source}")
-    begins, ends_ns = gaps_on(records, frames, newest, chain)
+    measured = [name for name in chain if name != corrected]
+    drawn = _course(buffer, target, source, stamps, gaps_on(records, frames, newest, chain, measured))
+    if drawn is None:
+        raise RunError(why_unanswered(buffer, target, source, stamps))
+    recorded, name, old_target = None, "recorded", target
+    if before is not None:
+        # Nothing was recorded in a new frame above the corrected one.
+        if target not in before.frames() and corrected is not None and buffer.parent(corrected) == target:
+            old_target, name = corrected, f"recorded, in {corrected}"
+        with suppress(TransformException):
+            chain = before.path(old_target, source)
+            gaps = gaps_on(records, frames, newest, chain, chain)
+            recorded = _course(before, old_target, source, stamps, gaps)
+    return trajectory_figure(target, source, *drawn, recorded=recorded, name_of_recorded=name)
+
+
+def _course(
+    buffer: Buffer,
+    target: str,
+    source: str,
+    stamps: NDArray[np.int64],
+    gaps: tuple[NDArray[np.int64], NDArray[np.int64]],
+) -> Course | None:
+    """Look up a path at some stamps, except within the gaps between others; None: it is never known."""
+    begins, ends = gaps
     # Where a frame has a gap, a pose is only interpolated. One time inside each is enough to break lines.
-    times_ns = np.union1d(stamps, begins + (ends_ns - begins) // 2)
+    times_ns = np.union1d(stamps, begins + (ends - begins) // 2)
     poses = look_up(buffer, target, source, times_ns)
-    before = np.searchsorted(np.sort(begins), times_ns)
-    poses[before > np.searchsorted(np.sort(ends_ns), times_ns, "right")] = np.nan
+    begun = np.searchsorted(np.sort(begins), times_ns)
+    poses[begun > np.searchsorted(np.sort(ends), times_ns, "right")] = np.nan
     known = np.flatnonzero(~np.isnan(poses[:, 0]))
     if not len(known):
-        raise RunError(why_unanswered(buffer, target, source, stamps))
+        return None
     rpy = np.full((len(poses), 3), np.nan)
     turns = rpy_from_matrices(to_matrix((poses[known, :3], poses[known, 3:])))
     rpy[known] = np.unwrap(turns, axis=0)  # without jumps by whole turns
     shown = slice(known[0], known[-1] + 1)
-    return trajectory_figure(target, source, times_ns[shown] / S, poses[shown, :3], rpy[shown])
+    return Course(times_ns[shown] / S, poses[shown, :3], rpy[shown])
 
 
 def gaps_on(
-    records: Records, frames: Sequence[str], newest: dict[str, Stream], chain: Sequence[str]
+    records: Records,
+    frames: Sequence[str],
+    newest: dict[str, Stream],
+    chain: Sequence[str],
+    measured: Collection[str],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Get the stamps between which a moving frame of a chain has a gap, by the rules of ``tf2_check``."""
+    """
+    Get the stamps between which a moving frame of a chain has a gap, by the rules of ``tf2_check``.
+
+    :param measured: the frames whose gaps count.
+    """
     begins, ends = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    for frame in moving_on(newest, chain):
+    for frame in filter(measured.__contains__, moving_on(newest, chain)):
         stamps = stamps_on(records, frames, newest, [frame, newest[frame].parent])
         wide = np.flatnonzero(np.diff(stamps) > longest_interval(newest[frame], Limits()) * S)
         begins.append(stamps[wide])
@@ -107,16 +161,20 @@ def trajectory_figure(
     times: NDArray[np.float64],
     positions: NDArray[np.float64],
     rpy: NDArray[np.float64],
+    *,
+    recorded: Course | None = None,
+    name_of_recorded: str = "",
 ) -> Any:
     """
     Draw a matplotlib figure of the path of a frame in another frame.
 
     :param target: the other frame.
     :param source: the frame whose path is drawn.
-    :param times: in seconds, ascending, shape (N,), N of 1 or more.
-    :param positions: x y z, in meters, shape (N, 3), of which the first and the last are known; rows of NaN
-        are gaps.
-    :param rpy: roll, pitch and yaw, in radians, shape (N, 3); NaN where the positions are.
+    :param times: see :class:`Course`.
+    :param positions: see :class:`Course`.
+    :param rpy: see :class:`Course`.
+    :param recorded: the path before it was corrected, which is drawn in gray. None: it was not.
+    :param name_of_recorded: for the legend.
     """
     from matplotlib.figure import Figure
 
@@ -129,10 +187,17 @@ def trajectory_figure(
         above, upper, lower = axes["above"], axes["upper"], axes["lower"]
         lower.sharex(upper)
         figure.suptitle(f"{label(source)} in {label(target)}")
-        _draw_above(above, positions, rpy[:, 2], known, gaps)
+        first, last = times[0], times[-1]
+        if recorded is not None:
+            first, last = min(first, recorded.times[0]), max(last, recorded.times[-1])
+            line: dict[str, Any] = {**RECORDED, "rasterized": len(recorded.times) > MANY}
+            above.plot(*recorded.positions[:, :2].T, label=label(name_of_recorded), **line)
+            upper.plot(recorded.times, recorded.positions, label="_recorded", **line)
+            lower.plot(recorded.times, recorded.rpy, label="_recorded", **line)
+        _draw_above(above, positions, rpy[:, 2], known, gaps, "" if recorded is None else "corrected")
         _draw_components(upper, times, positions, "xyz", "m", gaps)
         _draw_components(lower, times, rpy, ["roll", "pitch", "yaw"], "rad", gaps)
-        show_times(lower, times[0], times[-1])
+        show_times(lower, first, last)
         upper.tick_params(labelbottom=False)
     return figure
 
@@ -143,11 +208,12 @@ def _draw_above(
     yaw: NDArray[np.float64],
     known: NDArray[np.intp],
     gaps: NDArray[np.intp],
+    name: str,
 ) -> None:
     from matplotlib.collections import LineCollection
 
     x, y = positions[:, :2].T
-    axes.plot(x, y, color=BLUE, linewidth=1.5, rasterized=len(x) > MANY)
+    axes.plot(x, y, color=BLUE, linewidth=1.5, rasterized=len(x) > MANY, label=name or "_path")
     some = known[np.unique(np.linspace(0, len(known) - 1, ARROWS).astype(int))]
     axes.quiver(
         x[some],
@@ -171,7 +237,7 @@ def _draw_above(
     axes.set(title="from above", xlabel="x in m", ylabel="y in m")
     axes.grid(color="#E4E4E4")
     axes.set_axisbelow(True)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=4, frameon=False)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=5, frameon=False)
 
 
 def _draw_components(

@@ -357,7 +357,7 @@ def plot(options: Namespace) -> int:
     refuse_plot(options)
     if options.trajectory is not None and options.path is None:
         raise UsageError("--trajectory needs --path")
-    heard = _heard_of(options)
+    heard = _heard_of(options, keeps_uncorrected=True)
     said = report(heard)
     if said.begin is None or said.end is None:
         raise RunError(f"{options.file} has no transforms")
@@ -368,7 +368,8 @@ def plot(options: Namespace) -> int:
         span = (min(begin, end - SHORTEST_S), end)
         figure = heard_picture(heard.records, said.streams, heard.frames, options.frames, span)
     else:
-        figure = path_picture(heard.buffer, heard.records, said.streams, heard.frames, options.path)
+        drawn = heard.buffer, heard.records, said.streams, heard.frames, options.path
+        figure = path_picture(*drawn, before=heard.uncorrected, corrected=heard.corrected)
     name = options.output or f"{Path(options.file).absolute().stem}.png"
     write_plot(name, figure)
     show(name)

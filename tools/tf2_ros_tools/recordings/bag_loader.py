@@ -6,6 +6,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
@@ -237,6 +238,7 @@ class BagContents:
     stamps were asked for, or None. ``notes`` has a sentence for each topic, and for the trajectory, of which
     something is left out or lost. ``absent`` says what may explain that a frame is unknown. ``corrected`` is
     the frame whose transforms the trajectory has replaced, or None; its records are those of before.
+    ``uncorrected`` is the buffer as it was then, or None.
     """
 
     buffer: "Buffer"
@@ -250,6 +252,7 @@ class BagContents:
     notes: list[str]
     absent: list[str]
     corrected: str | None
+    uncorrected: "Buffer | None"
 
     @property
     def warnings(self) -> list[str]:
@@ -273,6 +276,7 @@ def read_contents(
     at: str | None = None,
     records: bool = True,
     on_open: Callable[[Recorded], object] | None = None,
+    keeps_uncorrected: bool = False,
     progress: bool | None = None,
 ) -> BagContents:
     """
@@ -283,6 +287,7 @@ def read_contents(
     :param records: whether each transform is recorded, which takes a third longer. Otherwise, ``records``,
         ``publishers`` and ``values`` are empty.
     :param on_open: called with the recording before it is read.
+    :param keeps_uncorrected: whether ``uncorrected`` is a copy, if there is a trajectory.
     """
     what = what or wanted()
     buffer, recording = new_buffer(cache_time), Recording()
@@ -290,7 +295,13 @@ def read_contents(
     with open_recording(path) as recorded:
         if on_open is not None:
             on_open(recorded)
+        keyframes, poses, uncorrected = what.trajectory, None, None
+        if keyframes is not None:  # first, because it may be wrong
+            poses = keyframes.read(recorded, what.prefix_of(keyframes.topic or ""))
         notes = fill_buffer(buffer, recorded, what, progress, recording if records else None, pieces)
+        if keyframes is not None and poses is not None:
+            uncorrected = copy(buffer) if keeps_uncorrected else None
+            notes += keyframes.correct(buffer, poses)
         times_ns = None if at is None else stamps_of(recorded, at)
         if at is not None and at not in what.poses:
             notes += recorded.shortfalls([at])
@@ -301,11 +312,9 @@ def read_contents(
     if end_ns is not None and what.end_ns is not None:
         end_ns = min(end_ns, what.end_ns)
     frames, values, absent = recording.frames(), recording.values(), [*_absent(recorded, what)]
-    corrected = None
-    if what.trajectory is not None:
-        corrected = what.trajectory.child
+    if keyframes is not None:
         frames = [*dict.fromkeys([*frames, *buffer.frames()])]  # a trajectory may add some
-    own = (times_ns, notes, absent, corrected)
+    own = (times_ns, notes, absent, None if keyframes is None else keyframes.child, uncorrected)
     return BagContents(buffer, found, frames, publishers, values, start_ns, end_ns, *own)
 
 
@@ -348,17 +357,14 @@ def fill_buffer(
     records: list[NDArray[np.void]] | None = None,
 ) -> list[str]:
     """
-    Insert the wanted transforms of a recording into a buffer, and correct them by the wanted trajectory.
+    Insert the wanted transforms of a recording into a buffer.
 
     :param recording: records each transform; see :func:`tf2_ros.serialization.insert_messages`.
     :param records: see the same function.
     :return: a sentence for each topic of which messages, or the positions of some joints, are left out or
-        lost, and one if poses of the trajectory are left out.
+        lost.
     """
     sources = sources_of(recorded, what)
-    keyframes, poses = what.trajectory, None
-    if keyframes is not None:
-        poses = keyframes.read(recorded, what.prefix_of(keyframes.topic or ""))
     robots = {topic: robot or _described(recorded, topic) for topic, robot in what.robots.items()}
     topics = [*(one.topic for one in sources), *(one for one in what.others if one in recorded.topics)]
     total = None if what.limited else sum(recorded.topics[topic].count for topic in topics)
@@ -408,7 +414,6 @@ def fill_buffer(
                     f" {first_names(states.names)}, have no positions of the URDF's joints,"
                     f" {first_names(own)}{why}"
                 )
-    unused = [] if keyframes is None or poses is None else keyframes.correct(buffer, poses)
     notes = [
         f"{counted(one.left_out, 'message')} on {printable(topic)} {'is' if one.left_out == 1 else 'are'}"
         f" left out: {one.reason}"
@@ -417,7 +422,7 @@ def fill_buffer(
     ]
     unmatched_names = {topic: unmatched(one.robot, one.seen) for topic, one in joints.items()}
     notes += [f"on {printable(topic)}, {text}" for topic, text in unmatched_names.items() if text]
-    return [*notes, *recorded.shortfalls(topics), *unused]
+    return [*notes, *recorded.shortfalls(topics)]
 
 
 def _described(recorded: Recorded, states: str) -> Robot:

@@ -178,13 +178,6 @@ def test_a_bridge_that_does_not_send_the_right_messages(bridge, new_laptop):
     )
 
 
-def test_what_a_bridge_says_of_a_type_cannot_steer_a_terminal(bridge, new_laptop):
-    bridge.do(r"offer('/tf', 'X\x1b]0;', 'cdr\n')")
-    laptop = new_laptop()
-    laptop.until("robot.publishers()")
-    assert r"the bridge has /tf as X\x1b]0; in cdr\n, but this feed reads only" in why(laptop)
-
-
 def test_simulated_time_is_refused(bridge, new_laptop, port):
     bridge.do("offer('/clock', 'rosgraph_msgs/msg/Clock')")
     laptop = new_laptop()

@@ -26,17 +26,18 @@ import pexpect
 from picture_samples import stream
 from processes import killed
 from terminals import Terminal
+from textual.containers import VerticalScroll
 from textual.widgets import DataTable
 
 from tf2_py import FrameInfo
 from tf2_ros_tools.diagnosis.findings import Finding
 from tf2_ros_tools.diagnosis.stream_statistics import Stream
-from tf2_ros_tools.listening.session import Report
+from tf2_ros_tools.listening.session import Chain, Report
 from tf2_ros_tools.pictures.monitor_screen import _Screen
 
 NAMES = [f"front_left_wheel_{number:02}" for number in range(20)]
 TOPICS = ("-r", "/tf:=/tf_screen", "-r", "/tf_static:=/tf_static_screen")
-DOWN, ESCAPE, CTRL_C, BACK_TAB, END = "\x1b[B", "\x1b", "\x03", "\x1b[Z", "\x1b[F"
+DOWN, ESCAPE, CTRL_C = "\x1b[B", "\x1b", "\x03"
 
 # A program whose reception ends after its first report.
 ENDING = """
@@ -117,30 +118,35 @@ def test_the_chosen_row_stays_in_view_when_an_update_comes_beside_a_key():
     assert asyncio.run(shown()) == [(turns, 1, 1) for turns in range(12)]
 
 
+def played(*streams, ages=(), findings=(), chain=None, keys=()):
+    """After these keys: the texts and styles of the rows, the summary, how far the problems are scrolled."""
+    report = Report(100.0, [*streams], [], [*findings], chain, 0)
+    infos = {name: FrameInfo(None, False, 1, 0, round((100.0 - age) * S)) for name, age in dict(ages).items()}
+
+    async def play():
+        screen = _Screen(lambda: report, lambda: infos, "here")
+        async with screen.run_test(size=(80, 24)) as pilot:
+            await pilot.press(*keys)
+            await pilot.pause()
+            table, problems = screen.query_one(DataTable), screen.query_one(VerticalScroll)
+            rows = [table.get_row_at(row) for row in range(table.row_count)]
+            return (
+                [[cell.plain for cell in row] for row in rows],
+                [str(row[0].style) for row in rows],
+                str(screen.query_one("#summary").render()).strip(),
+                (problems.scroll_target_y, problems.max_scroll_y),
+            )
+
+    return asyncio.run(play())
+
+
 class TestTree:
     """As rows: depth, frame, age."""
 
     @staticmethod
-    def shown(*streams, ages=(), findings=(), keys=("e",)):
+    def shown(*streams, keys=("e",), **report):
         """The rows after these keys."""
-        report = Report(100.0, [*streams], [], [*findings], None, 0)
-        infos = {
-            name: FrameInfo(None, False, 1, 0, round((100.0 - age) * S)) for name, age in dict(ages).items()
-        }
-
-        async def play():
-            screen = _Screen(lambda: report, lambda: infos, "here")
-            async with screen.run_test() as pilot:
-                await pilot.press(*keys)
-                table = screen.query_one(DataTable)
-                yield [[str(cell) for cell in table.get_row_at(row)] for row in range(table.row_count)]
-                yield [str(table.get_row_at(row)[0].style) for row in range(table.row_count)]
-                yield str(screen.query_one("#summary").render()).strip()
-
-        async def collected():
-            return [one async for one in play()]
-
-        rows, styles, summary = asyncio.run(collected())
+        rows, styles, summary, _ = played(*streams, keys=keys, **report)
         assert summary.endswith(" here, as a tree")
         lines = [(len(row[0]) - len(row[0].lstrip()), row[0].strip(), row[1]) for row in rows]
         return [(spaces // 2, name, age) for spaces, name, age in lines], styles
@@ -210,42 +216,33 @@ class TestTree:
 
 
 class TestKeys:
-    def test_sorting_by_name_delay_and_rate(self, peer):
-        talker = peer(*TOPICS)
-        with monitor((80, 24)) as terminal:
-            terminal.shows(lambda lines: " Hz " in joined(lines))
+    @pytest.mark.parametrize(
+        ("key", "order", "what"), [("n", "abc", "name"), ("d", "bac", "delay"), ("r", "acb", "rate")]
+    )
+    def test_sorting_by_name_delay_and_rate(self, key, order, what):
+        streams = stream("c", rate=20.0, delay=0.0), stream("b", rate=10.0, delay=5.0), stream("a", delay=1.0)
+        rows, _, summary, _ = played(*streams, keys=key)
+        assert "".join(row[0] for row in rows) == order
+        assert summary == f"3 frames, 0 problems here, by {what}"
 
-            def order(lines):
-                now = time.time_ns()
-                talker.send(("map", "b", now - 5 * S, 1.0), ("b", "c", now, 1.0), ("b", "a", now - S, 1.0))
-                talker.send(("b", "a", now - S, 1.0), ("b", "c", now, 1.0))
-                talker.send(("b", "a", now - S, 1.0))
-                return "".join(names(lines))
-
-            for key, wanted in (("n", "abc"), ("d", "bac"), ("r", "acb")):
-                terminal.press(key)
-                terminal.shows(lambda lines, wanted=wanted: order(lines) == wanted)
-            terminal.shows(lambda lines: "by rate" in joined(lines[:2]))
-
-    def test_frames_with_problems_are_first(self, talker, peer):
-        other = peer(*TOPICS)
-        other.send_without_subscriber(("base_link", NAMES[-1], S, 1.0), static=True)
-        with monitor((80, 24)) as terminal:
-            terminal.shows(lambda lines: names(lines)[:3] == [NAMES[-1], NAMES[-1], NAMES[0]])
-            text = f"{NAMES[-1]} is published by 2 publishers: /peer (twice)"
-            terminal.shows(lambda lines: text in joined(lines))
-            terminal.press("n")
-            terminal.shows(lambda lines: names(lines)[:3] == NAMES[:3])
-            terminal.press("t")
-            terminal.shows(lambda lines: names(lines)[:3] == [NAMES[-1], NAMES[-1], NAMES[0]])
+    def test_frames_with_problems_are_first(self):
+        twice = Finding("publishers", "c", "…")
+        for keys, order in (("", "cab"), ("n", "abc"), ("nt", "cab")):
+            rows, styles, *_ = played(*map(stream, "abc"), findings=[twice], keys=keys)
+            assert "".join(row[0] for row in rows) == order
+            assert [row[3] for row in rows] == ["publishers" if one == "c" else "" for one in order]
+            assert ["red" in style for style in styles] == [one == "c" for one in order]
 
     def test_a_filter_is_set_and_removed(self, talker):
         with monitor((80, 24)) as terminal:
             terminal.shows(lambda lines: len(names(lines)) >= 8)
-            terminal.press("/WHEEL_1")
+            terminal.press("/WHEEL_1")  # all at once
             terminal.shows(lambda lines: names(lines) == NAMES[10:])
             terminal.press(ESCAPE)
             terminal.shows(lambda lines: NAMES[8] in names(lines))
+
+    def test_in_the_filter_a_slash_is_a_letter(self):
+        assert [row[0] for row in played(stream("ab"), stream("a/b"), keys="/a/b")[0]] == ["a/b"]
 
     @pytest.mark.parametrize("how", ["q", CTRL_C, "/" + CTRL_C, signal.SIGINT, signal.SIGTERM])
     def test_it_ends_and_the_terminal_is_as_before(self, how, talker):
@@ -296,20 +293,12 @@ class TestKeys:
 
 
 class TestPanes:
-    BROKEN = [f"broken_{number:02}" for number in range(30)]
-
-    @pytest.fixture
-    def broken(self, peer):
-        """Sends static transforms that all buffers refuse, so that no frame of them has a row."""
-        broken = peer(*TOPICS)
-        broken.send_without_subscriber(*(("map", name, S, math.nan) for name in self.BROKEN), static=True)
-
-    def test_problems_without_a_row_are_scrolled(self, talker, broken):
-        with monitor((80, 24)) as terminal:
-            terminal.shows(lambda lines: "1 transform of broken_00 " in joined(lines) and names(lines))
-            assert "broken_29" not in joined(terminal.lines)
-            terminal.press(2 * BACK_TAB + END)  # over the filter
-            terminal.shows(lambda lines: "1 transform of broken_29 " in joined(lines))
+    def test_problems_without_a_row_are_scrolled(self):
+        many = [Finding("refused", f"broken_{number}", "…") for number in range(30)]
+        assert played(stream("a"), findings=many)[3][0] == 0
+        over_the_filter = ["shift+tab", "shift+tab", "end"]
+        scrolled, most = played(stream("a"), findings=many, keys=over_the_filter)[3]
+        assert scrolled == most > 20
 
     @pytest.mark.parametrize("to_stdout", [{}, {"RCUTILS_LOGGING_USE_STDOUT": "1"}], ids=str)
     def test_log_lines_are_written_at_the_end(self, to_stdout, talker):
@@ -325,14 +314,8 @@ class TestPanes:
             terminal.press("q")
             assert terminal.ended() == 0 and "TF_NAN_INPUT" in terminal.process.before
 
-    def test_two_frames_show_their_chain_and_what_is_on_it(self, talker):
-        with monitor((80, 24), "map", NAMES[3]) as terminal:
-            talker.send(("map", "base_link", time.time_ns(), 1.0))
-            terminal.shows(lambda lines: f"map -> base_link -> {NAMES[3]}: " in lines[0])
-            terminal.shows(lambda lines: {*names(lines)} == {"base_link", NAMES[3]})
-
-    def test_a_name_is_not_markup(self, peer):
-        talker = peer(*TOPICS)
-        talker.send_without_subscriber(("[bold]map[/bold]", "[red]arm", S, 1.0), static=True)
-        with monitor((80, 24)) as terminal:
-            terminal.shows(lambda lines: any(re.match(r" \[red\]arm +static +\[bold\]map", o) for o in lines))
+    def test_a_chain_and_names_are_not_markup(self):
+        chain = Chain(("a", "b"), ["a", "b"], None, "[bold]a[/bold] -> b: no net delay")
+        rows, _, summary, _ = played(stream("[red]arm", "[bold]map[/bold]"), chain=chain)
+        assert summary.splitlines()[0] == chain.text
+        assert (rows[0][0], rows[0][4]) == ("[red]arm", "[bold]map[/bold]")

@@ -246,7 +246,7 @@ def has_no_control_characters(text):
     return all(line.isprintable() for line in text.split("\n"))
 
 
-@pytest.mark.parametrize("name", PROGRAMS)
+@pytest.mark.parametrize("name", ["tf2_bag", "tf2_check"])  # with commands, and without
 def test_wrong_arguments_are_shown_without_control_characters(name):
     status, out, err = ended(name, *PROGRAMS[name][0].split(), f"--{HOSTILE.replace(' ', '')}")
     assert (status, out, err.count("\n")) == (2, "", 1)
@@ -257,21 +257,12 @@ def test_wrong_arguments_are_shown_without_control_characters(name):
     "line",
     [
         ["tf2_bag", "info", HOSTILE],
-        ["tf2_bag", "statics", "drive.mcap", "--topic", HOSTILE],
         ["tf2_bag", "plot", "drive.mcap", "-o", f"{HOSTILE}.png"],
-        ["tf2_bag", "plot", "drive.mcap", HOSTILE, "-o", "x.png"],
         ["tf2_bag", "lookup", "drive.mcap", "map", HOSTILE],
-        ["tf2_bag", "explain", "drive.mcap", "map", HOSTILE],
-        ["tf2_check", "--expect", HOSTILE],
         ["tf2_check", "-t", "0.1", "--expect", f"{HOSTILE}.yaml"],
         ["tf2_echo", HOSTILE, "robot", "--wait", "0"],
-        ["tf2_echo", f"/{HOSTILE}", "robot"],
-        ["tf2_plot", "-t", "0.1", "--path", "map", HOSTILE],
         ["view_frames", "-t", "0.1", "--tf_topic", HOSTILE],
-        ["static_transform_publisher", "--file", f"{HOSTILE}.yaml"],
-        ["static_transform_publisher", "--recording", f"{HOSTILE}.mcap"],
         ["static_transform_publisher", "0", "0", "0", "0", "0", HOSTILE, "a", "b"],
-        ["static_transform_publisher", *(f"--{end}frame-id={HOSTILE}" for end in ("", "child-"))],
     ],
     ids=lambda line: " ".join(line[:2]).replace(HOSTILE, "..."),
 )
@@ -295,7 +286,7 @@ def test_the_name_of_a_recording_need_not_be_utf_8(folder):
     [
         ("static_transform_publisher --x 1 --frame-id map --qx 1 --child-frame-id", "'{}'"),
         ("static_transform_publisher 0 0 0 0 0 0 map", "to '{}'"),
-        ("tf2_monitor --interval 0.1 map", "Gathering data on map -> {} "),
+        ("tf2_monitor --interval 0.1 map", "RESULTS: for map to {}"),
         ("tf2_echo map", "Waiting for transform map ->  {}: "),
     ],
 )

@@ -135,20 +135,12 @@ def test_every_format_holds_the_same(form, tmp_path):
     assert counts == Counter(one.topic for one in [*DRIVE, *scans])
 
 
-@pytest.mark.parametrize("form", ["folder-mcap", "folder-sqlite3-message", "ros1", "foxglove"])
-def test_a_stamp_that_is_not_set_has_no_answer(form, tmp_path):
+@pytest.mark.parametrize("form", ["mcap", "ros1", "foxglove"])  # one for each encoding of messages
+def test_a_stamp_that_is_not_set_is_not_a_time(form, tmp_path):
     stamps, ros = [100 * S + 7, 0, 101 * S, 0], 1 if form == "ros1" else 2
     scans = [scan(100 * S + i, ns, ros=ros) for i, ns in enumerate(stamps)]
     path = FORMATS[form](tmp_path, [*drive(20), *scans])
-    times = bag.stamps(path, "/scan")
-    assert times.tolist() == [ns or -(2**63) for ns in stamps]
-    assert np.isnat(times.view("M8[ns]")).tolist() == [False, True, False, True]
-    buffer = bag.load(path)
-    for target in ("map", "base"):  # the camera moves in one, not in the other
-        translations, _ = buffer.lookup_transforms(target, "camera", times, on_missing="nan")
-        assert np.isnan(translations[:, 0]).tolist() == [False, True, False, True]
-        with pytest.raises(ValueError, match=r"^times\[1\]: .*: this stamp is not set$"):
-            buffer.lookup_transforms(target, "camera", times)
+    assert np.isnat(bag.stamps(path, "/scan").view("M8[ns]")).tolist() == [False, True, False, True]
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
@@ -424,18 +416,15 @@ FAULTS = {
     "middle": (lambda data: spoiled(data, len(data) // 2, 300), "is broken.*; `{tool}.*` may repair it$"),
 }
 TOOLS = {".mcap": "mcap recover", ".db3": "sqlite3 FILE .recover", ".bag": "rosbag reindex"}
-# What has neither checksums nor a structure in its middle is read.
-UNNOTICED = {
-    *("mcap-no-chunks", "mcap-plain", "folder-mcap", "split-mcap"),
-    *("folder-sqlite3-message", "split-mcap-file"),
-}
+# One of each library, with and without an index, in a folder, and compressed as a whole.
+FAULTY = ("mcap", "mcap-no-index", "mcap-file", "folder-sqlite3", "split-mcap-file", "ros1", "foxglove")
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("form", FAULTY)
 def test_a_fault_of_a_file_is_an_error_that_names_it_and_the_tool(form, fault, tmp_path):
-    if fault == "middle" and form in UNNOTICED:
-        pytest.skip("nothing there says that it is broken")
+    if fault == "middle" and form == "split-mcap-file":
+        pytest.skip("its parts have neither checksums nor a structure in their middle")
     path = FORMATS[form](tmp_path, drive(400))
     file = max(one for one in path.iterdir() if one.suffix != ".yaml") if path.is_dir() else path
     change, text = FAULTS[fault]

@@ -3,10 +3,12 @@
 """The examples: each runs, and ends cleanly."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from excused_faults import tried
 from paths import ROOT
@@ -45,6 +47,18 @@ def test_an_example_runs_and_ends_by_itself(name):
     done = tried(lambda: run(sys.executable, example, timeout=3 * DEADLINE_S))
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_loop_closure_corrects_scans_of_the_past_and_those_that_wait_for_it():
+    done = tried(lambda: run(sys.executable, example_of("correct_past"), timeout=3 * DEADLINE_S))
+    assert done.returncode == 0, done.stderr
+    lines = re.findall(r"x = ([\d.]+) m when it passed the filter, and is at x = ([\d.]+) m now", done.stdout)
+    passed, now = np.array(lines, float).T
+    assert now == pytest.approx(np.arange(0.6, 3.0, 0.25))
+    # The odometry is 10 % too far. The last keyframe before that of the loop closure is at 2.5 m.
+    waited = now > 2.5
+    assert passed[~waited] == pytest.approx(1.1 * now[~waited])
+    assert passed[waited] == pytest.approx(now[waited])
 
 
 @pytest.mark.parametrize("name", [*each(WAITS_AFTER)])

@@ -125,10 +125,10 @@ def run_program(page, folder, python=sys.executable, environment=None):
 
 @contextmanager
 def programs_beside(page, folder):
-    """The programs of a page that have a name run meanwhile."""
+    """The programs of a page that have a name run meanwhile, except those that start processes."""
     with ExitStack() as started:
         for name, code in named_programs(page).items():
-            if name.startswith("test_"):
+            if name.startswith("test_") or "__main__" in code:
                 continue
             path = folder / name
             path.write_text(patient(code), encoding="utf-8")

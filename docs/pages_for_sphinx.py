@@ -11,7 +11,9 @@ from pathlib import Path
 
 INDEX = "docs/index"
 # On the site, but not in the table of contents; CONTRIBUTING.md lists them.
-FOR_MAINTAINERS = ("docs/development/distribution-packages", "docs/development/first-release")
+FOR_MAINTAINERS = tuple(
+    f"docs/development/{one}" for one in ("distribution-packages", "first-release", "proofs")
+)
 LINK = re.compile(r"\[(?P<text>[^\]]*)\]\((?P<path>[^)\s#:]+)(?P<anchor>#[^)\s]*)?\)")
 HEADING = re.compile(r"^## (?P<title>.*)$", re.MULTILINE)
 

@@ -71,24 +71,13 @@ def test_the_page_of_the_environment_shows_the_profiles_that_are_used(node):
     assert shown == used
 
 
-LENGTHS = ("1 hop", "4 hops", "10 hops")
-
-
-@pytest.mark.parametrize(
-    ("page", "pattern", "hops"),
-    [
-        ("README.md", r"Over 1 to 10 hops, lookups are (\d+) to (\d+) times faster", LENGTHS),
-        ("docs/performance.md", r"Over 1 to 10 hops, they are (\d+) to (\d+) times faster", LENGTHS),
-    ],
-)
-def test_how_much_faster_lookups_are_is_in_the_results(page, pattern, hops):
-    speed = runpy.run_path(str(ROOT / "docs" / "performance_from_results.py"))
-    lines = {line.replace("4 hops", number): line for line in speed["LOOKUPS"].values() for number in hops}
-    speed["LOOKUPS"].clear()
-    speed["LOOKUPS"].update({line: line for line in lines})
-    ratios = [jazzy / ours for (ours, *_), (jazzy, *_), *_ in speed["times"]().values()]
-    found = re.search(pattern, text_of(page))
-    assert [int(found[1]), int(found[2])] == [int(min(ratios)), int(max(ratios))]
+@pytest.mark.parametrize("page", ["README.md", "docs/performance.md"])
+def test_a_page_says_of_lookups_what_all_lines_of_the_report_say(page):
+    sentence, *_ = output_of(ROOT / "docs" / "performance_from_results.py", cwd=ROOT).splitlines()
+    text = text_of(page).replace("hops (steps between a frame and its parent)", "hops")
+    assert sentence in text
+    # No other sentence quotes a better ratio.
+    assert re.findall(r"[\d.,]+ (?:to [\d.,]+ )?times (?:as fast|faster)", text) == []
 
 
 def projects():
@@ -193,7 +182,7 @@ def test_the_range_of_pythons_on_a_page_is_that_of_the_package(page):
 
 
 def test_the_figures_of_lookups_are_those_of_the_results():
-    rows = output_of(ROOT / "docs" / "performance_from_results.py", cwd=ROOT).splitlines()
+    _, *rows = output_of(ROOT / "docs" / "performance_from_results.py", cwd=ROOT).splitlines()
     page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
     assert [row for row in rows if row not in page] == []
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""No recording that fuzzing found shows a fault; `make fuzz` searches for more."""
+"""No file that fuzzing found shows a fault; `make fuzz` searches for more."""
 
 import pytest
 from fuzz_target_checks import check_corpus, check_seeds

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import pytest
 from processes import start
-from waiting import DEADLINE_S, until
+from waiting import DEADLINE_S, until, until_told
 
 HIDDEN = ["_buffer_client_impl", "transform_listener_impl", "transform_listener_impl"]
 
@@ -41,22 +41,26 @@ def listening(node, topic):
 @pytest.mark.parametrize("rule", ["__node:=robot", "__name:=robot", "driver:__node:=robot"])
 def test_only_the_nodes_of_the_program_get_the_name(node, rule):
     with running(rule):
-        until(lambda: nodes(node, "/") == sorted([*HIDDEN, "robot"]))
+        until(lambda: node.count_subscribers("/tf") == 2)
+        until_told(lambda: nodes(node, "/") == sorted([*HIDDEN, "robot"]))
 
 
 def test_no_rule_for_names_is_needed(node):
     with running("/elsewhere:=/nowhere"):
-        until(lambda: nodes(node, "/") == sorted([*HIDDEN, "driver"]))
+        until(lambda: node.count_subscribers("/tf") == 2)
+        until_told(lambda: nodes(node, "/") == sorted([*HIDDEN, "driver"]))
 
 
 def test_rules_for_namespaces_and_topics_apply(node):
     with running("__node:=robot", "__ns:=/arm", "/tf:=tf"):
-        until(lambda: nodes(node, "/arm") == sorted([*HIDDEN, "robot"]))
-        until(lambda: listening(node, "/arm/tf") == ["transform_listener_impl"] * 2)
+        until(lambda: node.count_subscribers("/arm/tf") == 2)
+        until_told(lambda: nodes(node, "/arm") == sorted([*HIDDEN, "robot"]))
+        until_told(lambda: listening(node, "/arm/tf") == ["transform_listener_impl"] * 2)
         assert nodes(node, "/") == [] and listening(node, "/tf") == []
 
 
 def test_a_rule_for_a_topic_of_one_node_leaves_hidden_ones_alone(node):
     with running("__node:=robot", "robot:/tf:=/other"):
-        until(lambda: listening(node, "/tf") == ["transform_listener_impl"] * 2)
+        until(lambda: node.count_subscribers("/tf") == 2)
+        until_told(lambda: listening(node, "/tf") == ["transform_listener_impl"] * 2)
         assert listening(node, "/other") == []

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 from times_and_transforms import S, transform
-from waiting import errors_so_far, until
+from waiting import errors_so_far, until, until_told
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros.records import RECORD, Recording
@@ -71,7 +71,7 @@ def test_each_transform_has_its_publisher_times_and_names(heard, node, peer):
         ("/armother", "map", "odom", 7 * S),
         ("/one", "base", "camera", 0),
     ]
-    until(lambda: told() == expected)  # the graph may know an endpoint before it knows its node
+    until_told(lambda: told() == expected)
     assert records["static"].tolist() == [0, 0, 0, 1] and len(recording.publishers()) == 3
 
 

@@ -38,11 +38,11 @@ def start(program, *arguments, **popen):
 @contextmanager
 def killed(process):
     """A process that a `with` statement kills in the end."""
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
+    with process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def end(process):

@@ -20,7 +20,7 @@ from starting_programs import ROBOT, broadcasting, ended, heard, needs_dot, runn
 from times_and_transforms import S
 from tool_paths import TOOLS
 from tool_project import PYPROJECT
-from waiting import DEADLINE_S, until
+from waiting import DEADLINE_S, until, until_told
 
 # By program: a valid command line, the exit status after Ctrl-C, and what it writes before it waits.
 PROGRAMS = {
@@ -127,14 +127,15 @@ def test_ctrl_c_ends_a_node_once_however_often_it_comes(name, node, folder):
     line, status = PROGRAMS[name]
     options = ["--namespace", "robot_1", "--ros-args", "-r", "__node:=ended"]
     with running(name, *line.split(), *options) as process:
-        until(lambda: ("ended", "/robot_1") in node.get_node_names_and_namespaces())
 
-        def uses(topic):
+        def users(topic):
             ends = [*node.get_publishers_info_by_topic(topic), *node.get_subscriptions_info_by_topic(topic)]
-            return "ended" in [one.node_name for one in ends]
+            return [one.node_name for one in ends]
 
-        until(lambda: uses("/robot_1/tf_static"))
-        assert not uses("/tf_static")
+        until(lambda: users("/robot_1/tf_static"))
+        until_told(lambda: "ended" in users("/robot_1/tf_static"))
+        assert ("ended", "/robot_1") in node.get_node_names_and_namespaces()
+        assert "ended" not in users("/tf_static")
         stop_for_a_while(process)
         for _ in range(3):
             process.send_signal(signal.SIGINT)

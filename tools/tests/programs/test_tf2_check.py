@@ -5,15 +5,14 @@
 import itertools
 import json
 import re
-import subprocess
+import tempfile
 import threading
 import time
 
 import pytest
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from starting_programs import ROBOT, UNTIL_TOLD, broadcasting, ended, heard, running
+from starting_programs import ROBOT, broadcasting, ended, heard, running
 from times_and_transforms import S
-from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage
 
@@ -40,7 +39,7 @@ def test_json_has_the_verdict_the_findings_and_the_figures(peer):
     talker.send_without_subscriber(("map", "b", S, 1.0), ("sea", "isle", S, 1.0), static=True)
     with running("tf2_check", "--json", hears=f"{heard('b', 'isle')} and len(findings) > 1") as process:
         talker.send_bytes(b"\x00\x01")
-        out, err = process.communicate(timeout=DEADLINE_S)
+        out, err = process.communicate()
     assert process.returncode == 1 and "malformed TFMessage" in err
     found = json.loads(out)
     text = "2 unconnected trees: map (2 frames), sea (2 frames)"
@@ -75,21 +74,30 @@ def test_a_publisher_of_another_type_is_named(peer, also):
     board.send_text("/board")
     if also:
         peer().send_without_subscriber(("map", "camera", S, 1.0), static=True)
-    known = f"'/board publishes' in str(findings) and {heard('camera') if also else 'not streams'}"
-    _, out, _ = ended("tf2_check", hears=known)
+    found = f"' publishes std_msgs' in str(findings) and {heard('camera') if also else 'not streams'}"
+    _, out, _ = ended("tf2_check", hears=f"{found} and told()")
     what = "/board publishes std_msgs/msg/String on /tf, not tf2_msgs/msg/TFMessage"
     finding = f"qos: listeners receive nothing: {what}" if also else rf"{NOTHING} \d+ \({what}\)"
     assert re.fullmatch(finding, out.splitlines()[0])
 
 
-def checked(publish):
-    """The findings of `tf2_check` while something is published, and what else it writes to standard error."""
-    with running("tf2_check", *TOLERANT, "--ignore", "roots") as process:
-        while process.poll() is None:
-            publish()
-            threading.Event().wait(0.05)  # as a robot does
-        out, err = process.communicate(timeout=DEADLINE_S)
-    return out.splitlines()[:-1], LISTENING.sub("", err)
+def checked(publish, hears, *arguments):
+    """
+    The lines that `tf2_check` prints while something is published, and what else it writes to standard error.
+
+    :param hears: what it must have found, besides the names of all publishers.
+    """
+    hears = f"{hears} and told()"
+    with tempfile.TemporaryFile("w+") as errors:  # a pipe might be full before the process has ended
+        with running("tf2_check", *TOLERANT, *arguments, hears=hears, stderr=errors) as process:
+            while process.poll() is None:
+                publish()
+                threading.Event().wait(0.05)  # as a robot does
+            out = process.stdout.read()
+        errors.seek(0)
+        err = errors.read()
+    assert process.returncode == 1, err
+    return out.splitlines(), LISTENING.sub("", err)
 
 
 def test_refused_transforms_are_counted_and_not_logged(peer):
@@ -100,7 +108,7 @@ def test_refused_transforms_are_counted_and_not_logged(peer):
         now_ns = time.time_ns()
         talker.send_without_subscriber(*((*one[:2], now_ns, one[3]) for one in (good, bad)))
 
-    [finding], err = checked(publish)
+    (finding, _), err = checked(publish, f"findings and {heard(odom=9)}")
     assert re.fullmatch(r"refused: \d+ transforms of base by /peer are refused: a number is NaN", finding)
     assert err == ""
 
@@ -111,7 +119,8 @@ def test_a_static_transform_that_changes_is_shown_with_its_values(peer):
     def publish():
         talker.send_without_subscriber(("map", "lidar", S, next(places)), static=True)
 
-    [finding], _ = checked(publish)
+    changed = "any('changed' in one for one in findings)"
+    (finding, _), _ = checked(publish, changed)
     alternating = r"values: lidar in map by /peer is static and changed \d+ times, last from x ... to x ..."
     assert re.match(alternating.replace("x ...", r"x [12]\.000"), finding)
 
@@ -127,17 +136,15 @@ def test_a_static_transform_that_changes_is_shown_with_its_values(peer):
 def test_a_clock_that_is_wrong_is_found(simulated, said, peer):
     talker = peer()
     talker.send_without_subscriber(("base", "camera", S, 1.0), static=True)
+
+    def publish():
+        if simulated is not None:
+            talker.set_clock(simulated)
+        talker.send_without_subscriber(("map", "base", time.time_ns(), 0.0))
+
     begin = " ".join(said.split()[1:3])  # until /clock is heard, the finding is another one
     hears = f"{heard('camera')} and any(one.startswith('{begin}') for one in findings)"
-    with running("tf2_check", *TOLERANT, "--ros-args", *SIMULATED, hears=hears) as process:
-        while process.poll() is None:
-            if simulated is not None:
-                talker.set_clock(simulated)
-            talker.send_without_subscriber(("map", "base", time.time_ns(), 0.0))
-            threading.Event().wait(0.05)  # as a robot does
-        out, _ = process.communicate(timeout=DEADLINE_S)
-    assert process.returncode == 1
-    finding, verdict = out.splitlines()
+    (finding, verdict), _ = checked(publish, hears, "--ros-args", *SIMULATED)
     assert re.fullmatch(said, finding)
     assert verdict.startswith("1 problem in ")
 
@@ -151,14 +158,9 @@ def test_two_publishers_of_the_clock_are_named(peer):
             talker.send_without_subscriber(("map", "base", seconds * S, 0.0))
 
     publish()
-    hears = "any('/clock has 2 publishers, /player and /simulator' in one for one in findings)"
-    with running("tf2_check", *TOLERANT, "--ros-args", *SIMULATED, hears=hears) as process:
-        while process.poll() is None:
-            publish()
-            threading.Event().wait(0.05)
-        out, _ = process.communicate(timeout=DEADLINE_S)
-    assert process.returncode == 1
-    [finding] = [line for line in out.splitlines() if line.startswith("clock: ")]
+    both = "any('/clock has 2 publishers, ' in one for one in findings)"
+    lines, _ = checked(publish, both, "--ros-args", *SIMULATED)
+    [finding] = [line for line in lines if line.startswith("clock: ")]
     several = "/clock has 2 publishers, /player and /simulator"
     jump = f"the clock jumped back by 400 s: {several}; only later transforms are checked"
     assert finding in (
@@ -181,14 +183,7 @@ def test_two_publishers_of_the_clock_are_named(peer):
 def test_a_publisher_whose_qos_does_not_fit_is_named(topic, qos, reason, new_node):
     name = f"incompatible_{topic[1:]}"
     new_node(name, namespace="/fleet").create_publisher(TFMessage, topic, QoSProfile(depth=1, **qos))
-    line = ("--json", "--ignore", "nothing", "--ignore", "clock")
-
-    def findings():
-        with running("tf2_check", *line, hears=UNTIL_TOLD, stdin=subprocess.PIPE) as process:
-            until(lambda: f"on topic '{topic}', offering incompatible QoS" in process.stderr.readline())
-            out, _ = process.communicate(timeout=DEADLINE_S)
-        return json.loads(out)["findings"]
-
+    hears = "any(one.startswith('listeners receive nothing from ') for one in findings) and told()"
+    _, out, _ = ended("tf2_check", "--json", "--ignore", "nothing", "--ignore", "clock", hears=hears)
     text = f"listeners receive nothing from /fleet/{name} on {topic}: {reason}"
-    # The graph may know the publisher before its node.
-    until(lambda: {"kind": "qos", "frame": "", "text": text, "frames": []} in findings())
+    assert {"kind": "qos", "frame": "", "text": text, "frames": []} in json.loads(out)["findings"]

@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from scipy.spatial.transform import Rotation
 from starting_programs import ended, running
 from times_and_transforms import S, transform
-from waiting import DEADLINE_S, until
+from waiting import DEADLINE_S, until, until_told
 
 from tf2_msgs.msg import TFMessage
 
@@ -108,6 +108,7 @@ def test_when_simulated_time_jumps_back_the_old_transforms_are_forgotten(peer):
 
 def test_who_asks_the_robot_for_its_frames_is_not_answered_by_it(node):
     with running("tf2_echo", "map", "robot"):
-        until(lambda: "tf2_echo" in node.get_node_names())
+        until(lambda: node.count_subscribers("/tf"))
+        until_told(lambda: "tf2_echo" in node.get_node_names())
         # It exists for a moment, until the program has removed it.
         until(lambda: "/tf2_frames" not in [name for name, _ in node.get_service_names_and_types()])

@@ -7,9 +7,8 @@ import threading
 
 import pytest
 from picture_texts import texts_of
-from starting_programs import ROBOT, broadcasting, ended, heard, running
+from starting_programs import NAMED_ROBOT, broadcasting, ended, heard, running
 from times_and_transforms import S
-from waiting import DEADLINE_S
 
 LISTEN = ("-t", "4")
 # Without the robot of the other tests.
@@ -23,7 +22,7 @@ def robot():
 
 
 def test_all_frames_have_a_row(robot, tmp_path):
-    status, out, err = ended("tf2_plot", *LISTEN, "-o", "heard.svg", hears=ROBOT, cwd=tmp_path)
+    status, out, err = ended("tf2_plot", *LISTEN, "-o", "heard.svg", hears=NAMED_ROBOT, cwd=tmp_path)
     assert (status, out) == (0, "heard.svg\n")
     assert "Listening to tf data for 5.5 seconds..." in err
     texts = texts_of(tmp_path / "heard.svg")
@@ -49,7 +48,7 @@ def test_a_way_leads_where_the_frame_was(peer, tmp_path):
             transform = ("map", "robot", 100 * S + step * S // 10, 700.0 + step % 2 * 200)
             talker.send_without_subscriber(transform)
             threading.Event().wait(0.05)  # as a robot does
-        out, err = process.communicate(timeout=DEADLINE_S)
+        out, err = process.communicate()
     assert (process.returncode, out) == (0, f"{picture}\n"), err
     ticks = [float(text) for text in texts_of(picture) if re.fullmatch(r"-?\d+(\.\d+)?", text)]
     places = {tick for tick in ticks if tick > 600.0}

@@ -7,7 +7,7 @@ import re
 
 import pytest
 from picture_texts import groups
-from starting_programs import ROBOT, broadcasting, ended, needs_dot
+from starting_programs import NAMED_ROBOT, ROBOT, broadcasting, ended, needs_dot
 
 from tf2_ros_tools.programs.view_frames import output_files
 
@@ -44,7 +44,7 @@ def test_files_are_named_after_the_output(output, files):
 @needs_dot
 class TestRobot:
     def test_both_files_show_the_robot(self, robot, tmp_path):
-        status, out, err = ended("view_frames", "-t", "4", "-o", "robot.svg", hears=ROBOT, cwd=tmp_path)
+        status, out, err = ended("view_frames", "-t", "4", "-o", "robot.svg", hears=NAMED_ROBOT, cwd=tmp_path)
         assert (status, out) == (0, "robot.gv\nrobot.svg\n")
         assert "Listening to tf data for 4.0 seconds..." in err
         assert "digraph" in (tmp_path / "robot.gv").read_text()

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 import pytest
 from processes import end, killed, start
 from tool_paths import PROGRAMS
-from waiting import DEADLINE_S
+from waiting import NEVER_TOLD, NeverTold
 
 
 def free_port():
@@ -40,18 +40,18 @@ def command(name, *arguments, hears=None):
 
 
 def heard(*static, **moving):
-    """For `hears`: static frames, and how many transforms of others, of publishers that are known by name."""
+    """For `hears`: static frames, and how many transforms of others."""
     counts = dict.fromkeys(static, 1) | moving
-    one = "frame in streams and streams[frame].publisher[0] == '/' and streams[frame].count >= count"
+    one = "frame in streams and streams[frame].count >= count"
     return f"all({one} for frame, count in {counts}.items())"
 
 
 # The robot of `broadcasting`, long enough for figures.
 ROBOT = heard("camera", odom=50, base_link=50)
-# Until the test closes the standard input of the program, as `communicate` does.
-UNTIL_TOLD = "open(0).read() == ''"
+NAMED_ROBOT = f"{ROBOT} and told()"
 
 
+@contextmanager
 def running(name, *arguments, hears=None, **popen):
     """
     Start one of the programs for a `with` statement, which kills it in the end.
@@ -59,13 +59,23 @@ def running(name, *arguments, hears=None, **popen):
     Its standard output and errors are pipes.
     """
     popen = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **popen}
-    return killed(subprocess.Popen(command(name, *arguments, hears=hears), text=True, **popen))
+    process = subprocess.Popen(command(name, *arguments, hears=hears), text=True, **popen)
+    try:
+        with killed(process):
+            yield process
+    finally:
+        if process.returncode == NEVER_TOLD:
+            raise NeverTold(f"the middleware did not tell {name} the name of a node")
 
 
 def ended(name, *arguments, **how):
-    """Run one of the programs to its end: exit status, standard output and errors."""
+    """
+    Run one of the programs to its end: exit status, standard output and errors.
+
+    It has its own deadlines, which begin when it has started; the limit of the test ends one that hangs.
+    """
     with running(name, *arguments, **how) as process:
-        out, err = process.communicate(timeout=DEADLINE_S)
+        out, err = process.communicate()
     return process.returncode, out, err
 
 

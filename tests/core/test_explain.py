@@ -5,6 +5,7 @@
 import itertools
 import pickle
 import random
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -97,6 +98,42 @@ def test_the_age_decides_which_hop_is_the_weakest_where_a_clock_shows_it(tf2_ros
     assert "newest of unknown age" in str(buffer.explain("map", "odom", 0))
     buffer.clock = None
     assert [hop.age for hop in buffer.explain("map", "base_link", 0).hops] == [None, None]
+
+
+def rows_of(explanation):
+    """The title of the table that notebooks show, its cells, and the styles of its rows."""
+    table = ElementTree.fromstring(explanation._repr_html_())
+    rows = table.findall("tr")
+    styles = [row.get("style") for row in rows[1:]]
+    return table.findtext("caption"), [["".join(cell.itertext()) for cell in row] for row in rows], styles
+
+
+def test_notebooks_show_a_table_with_the_weakest_hop_in_bold(tf2_ros, buffer):
+    shown = tf2_ros.Buffer()
+    shown.__setstate__(buffer.__getstate__())
+    shown.clock = SetClock(13_300_000_000)
+    title, rows, styles = rows_of(shown.explain("map", "lidar", 12_500_000_000))
+    assert title == "map ← lidar at 12.500000000"
+    assert rows == [
+        ["hop", "answer", "gap", "newest sample", "last from"],
+        ["base_link ← lidar", "static", "", "", "/robot_state_publisher"],
+        ["odom ← base_link", "sample at 12.500 s", "", "0.300 s old", "/odometry"],
+        ["map ← odom", "interpolated 40 % between 12.300 and 12.800 s", "0.500 s", "0.500 s old", "/amcl"],
+    ]
+    assert styles == [None, None, "font-weight: bold"]
+    assert rows_of(shown.explain("map", "map", 5))[1] == rows[:1]
+
+
+@pytest.mark.parametrize("extrapolate", [False, True])
+def test_in_the_table_hops_after_their_newest_sample_are_red(extrapolate, buffer):
+    found = buffer.explain("map", "base_link", 13 * S, tolerance=0.5, extrapolate=extrapolate)
+    assert rows_of(found)[2] == [None, "color: #D55E00; font-weight: bold"]
+
+
+def test_a_name_in_the_table_is_not_markup():
+    buffer = BufferCore()
+    insert(buffer, "<b>map</b>", "&amp;\x1b", 1)
+    assert rows_of(buffer.explain("<b>map</b>", "&amp;\x1b", 0))[1][1][0] == r"<b>map</b> ← &amp;\x1b"
 
 
 def test_where_a_lookup_fails_the_explanation_raises_its_error(tf2_ros, buffer):

@@ -13,8 +13,9 @@ from documentation_pages import PAGES, SPAN, prose
 from paths import ROOT
 from processes import output_of
 from project_sources import PACKAGES, PYPROJECT, tomllib, words_of_sources
+from times_and_transforms import transform
 
-from tf2_py import _tf2_py, typing
+from tf2_py import Explanation, _tf2_py, typing
 from tf2_ros import Buffer, StaticTransformBroadcaster, TransformBroadcaster, TransformListener
 from tf2_ros._qos import DYNAMIC_DEPTH, STATIC_DEPTH
 
@@ -195,6 +196,11 @@ def test_the_path_of_a_transform_is_drawn_as_its_script_says_and_names_the_code(
         names = re.findall(r'class="code">([^<]+)<', drawn)
         assert bool(names) == has_names
         assert set(re.findall(r"\w+", " ".join(names))) <= words_of_sources()
+
+
+def test_the_table_of_an_explanation_has_the_columns_that_notebooks_show():
+    heads = re.findall("<th>(.*?)</th>", Explanation(transform("map", "camera"), 0, [])._repr_html_())
+    assert f"| {' | '.join(heads)} |\n" in (ROOT / "docs" / "debugging.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

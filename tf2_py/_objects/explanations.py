@@ -3,6 +3,7 @@
 """Explained lookups: the hops between two frames, and the samples that each has answered with."""
 
 import math
+from html import escape
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from tf2_py._objects.errors import NS_PER_S, seconds
@@ -71,7 +72,14 @@ class Hop(NamedTuple):
         return self.how == "static"
 
     def __str__(self) -> str:
-        return f"{self._arrow()}  {self._samples()}{self._age()}, last from {printable(self.last_authority)}"
+        arrow, samples, gap, age, last_authority = self._facts()
+        gap, age = gap and f" (gap {gap})", age and f", newest {age}"
+        return f"{arrow}  {samples}{gap}{age}, last from {last_authority}"
+
+    def _facts(self) -> tuple[str, str, str, str, str]:
+        """What is shown of it; the gap and the age are empty where they have no meaning."""
+        gap = "" if self.how in ("static", "sample") else f"{self.gap:.3f} s"
+        return self._arrow(), self._samples(), gap, self._age(), printable(self.last_authority)
 
     def _arrow(self) -> str:
         begin, end = (self.frame, self.parent) if self.direction == "up" else (self.parent, self.frame)
@@ -81,21 +89,21 @@ class Hop(NamedTuple):
         if self.older_ns is None or self.newer_ns is None:
             return "static"
         older, newer = (f"{ns / NS_PER_S:.3f}" for ns in (self.older_ns, self.newer_ns))
-        weight, gap = f"{100 * self.weight:.0f} %", f"{self.gap:.3f} s"
+        weight = f"{100 * self.weight:.0f} %"
         if self.how == "interpolated":
-            return f"interpolated {weight} between {older} and {newer} s (gap {gap})"
+            return f"interpolated {weight} between {older} and {newer} s"
         if self.how == "kept":
-            return f"kept from {older} s, because the sample at {newer} s has another parent (gap {gap})"
+            return f"kept from {older} s, because the sample at {newer} s has another parent"
         if self.how == "held":
-            return f"held from its newest sample at {newer} s (gap {gap})"
+            return f"held from its newest sample at {newer} s"
         if self.how == "extrapolated":
-            return f"extrapolated {weight} of {older} to {newer} s (gap {gap})"
+            return f"extrapolated {weight} of {older} to {newer} s"
         return f"sample at {newer} s"
 
     def _age(self) -> str:
         if self.age is None:
             return ""
-        return f", newest {self.age:.3f} s old" if math.isfinite(self.age) else ", newest of unknown age"
+        return f"{self.age:.3f} s old" if math.isfinite(self.age) else "of unknown age"
 
 
 class Explanation(NamedTuple):
@@ -129,12 +137,27 @@ class Explanation(NamedTuple):
         moving = [hop for hop in self.hops if not hop.static]
         return max(moving, key=lambda hop: max(hop.gap, hop.age or 0.0), default=None)
 
-    def __str__(self) -> str:
+    def _title(self) -> str:
         header, child = self.transform.header, self.transform.child_frame_id
-        lines = [f"{printable(header.frame_id)} ← {printable(child)} at {seconds(self.time_ns)}"]
-        lines += [f"  {hop}" for hop in self.hops]
+        return f"{printable(header.frame_id)} ← {printable(child)} at {seconds(self.time_ns)}"
+
+    def __str__(self) -> str:
+        lines = [self._title(), *(f"  {hop}" for hop in self.hops)]
         weakest = self.weakest
         return "\n".join(lines if weakest is None else [*lines, f"weakest: {weakest._arrow()}"])
+
+    def _repr_html_(self) -> str:
+        """As a table, for notebooks: the weakest hop is bold; those after their newest sample are red."""
+        heads = ("hop", "answer", "gap", "newest sample", "last from")
+        rows = [f"<tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>"]
+        weakest = self.weakest
+        for hop in self.hops:
+            marks = ["color: #D55E00"] if hop.how in ("held", "extrapolated") else []
+            marks += ["font-weight: bold"] if hop is weakest else []
+            style = f' style="{"; ".join(marks)}"' if marks else ""
+            cells = "".join(f"<td>{escape(fact)}</td>" for fact in hop._facts())
+            rows.append(f"<tr{style}>{cells}</tr>")
+        return f"<table><caption>{escape(self._title())}</caption>{''.join(rows)}</table>"
 
 
 for _public in (Hop, Explanation):

@@ -7,10 +7,10 @@ from __future__ import annotations
 import os
 import re
 from array import array
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Context, Decimal
-from math import isfinite
+from math import isfinite, nan
 from os import PathLike
 from typing import NamedTuple, TypeAlias
 
@@ -159,7 +159,7 @@ TIME_UNITS = {
 }
 LENGTH_UNITS = {"m": 1.0, "meters": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3}
 NO_UNITS = {"-": 1.0, "1": 1.0}
-UNITS = {STAMP: TIME_UNITS, **dict.fromkeys(POSE[:3], LENGTH_UNITS)}
+UNITS = {**dict.fromkeys((STAMP, NANOSECONDS), TIME_UNITS), **dict.fromkeys(POSE[:3], LENGTH_UNITS)}
 
 # The names of columns, in lower case and without units. Dots separate the fields of messages.
 STAMPS = re.compile(r"time|timestamp|t|stamp|(\w+\.)*header\.stamp")
@@ -239,23 +239,29 @@ class _Layout:
     """
     How the rows of a table are read.
 
-    ``places`` has the index of the column of each role, ``units`` what its numbers are multiplied by, for
-    nanoseconds and meters. A row has ``most`` columns; with a heading, those at its end that are not needed
-    may be absent. ``names_unit``: the heading has the unit of the stamp.
+    ``roles`` are those of the numbers that a row must have, ``places`` the indices of their columns,
+    ``units`` what they are multiplied by, for nanoseconds and meters. A row has ``most`` columns; with a
+    heading, those at its end that are not needed may be absent. ``valid`` is the index of the column that
+    says whether a row has a pose. ``names_unit``: the heading has the unit of the stamp.
     """
 
     needed: Roles
-    places: Mapping[str, int]
-    units: Mapping[str, float]
+    roles: Roles
+    places: tuple[int, ...]
+    units: tuple[float, ...]
     most: int
-    has_heading: bool = False
+    has_heading: bool = True
+    valid: int | None = None
     names_unit: bool = False
     is_of_euroc: bool = False
 
+    def same_as(self, other: _Layout) -> bool:
+        return (self.roles, self.places, self.units) == (other.roles, other.places, other.units)
+
 
 def _without_heading(needed: Roles) -> _Layout:
-    places = {role: place for place, role in enumerate(needed)}
-    return _Layout(needed, places, {role: 1e9 if role == STAMP else 1.0 for role in needed}, len(needed))
+    units = tuple(TIME_UNITS["s"] if role == STAMP else 1.0 for role in needed)
+    return _Layout(needed, needed, tuple(range(len(needed))), units, len(needed), has_heading=False)
 
 
 def _of_heading(text: str, needed: Roles, *, is_comment: bool) -> _Layout | None:
@@ -267,38 +273,57 @@ def _of_heading(text: str, needed: Roles, *, is_comment: bool) -> _Layout | None
     :raises ValueError: it cannot be obeyed, or is not a heading.
     """
     columns = [*map(_column, _names(text.rpartition(":")[2] if is_comment else text))]
-    roles = [one.role for one in columns]
-    known = {*roles}.intersection(needed)
+    known = {one.role for one in columns}.intersection(needed)
     if is_comment:
         # A prose comment may contain one of these words.
         if len(known) < (min(3, len(needed)) if STAMP in known else len(POSE)):
             return None
     elif not known:
-        raise ValueError(
-            f"expected {EXPECTED[needed]}, got {_quoted(text)}{_advice(text, needed, is_first=True)}"
-        )
+        raise ValueError(_unexpected(text, needed, is_first=True))
+    return _of_columns(columns, needed)
+
+
+def _of_columns(columns: Sequence[_Column], needed: Roles) -> _Layout:
+    roles = [one.role for one in columns]
     for role in needed:
         if len(same := [one.name for one in columns if one.role == role]) > 1:
             raise ValueError(f"the heading has several columns for {_SHOWN[role]}: {_listed(same)}")
     if missing := [_SHOWN[role] for role in needed if role not in roles]:
         raise ValueError(f"the heading has no column for {_listed(missing)}; its names are like {EXAMPLE}")
-    own = {one.role: one for one in columns if one.role}
-    if NANOSECONDS in own and _short(own[STAMP].name) not in SECONDS:
-        both = _listed([own[STAMP].name, own[NANOSECONDS].name])
+    wanted = (*needed, NANOSECONDS) if NANOSECONDS in roles else needed
+    places = tuple(map(roles.index, wanted))
+    stamp = columns[roles.index(STAMP)]
+    if NANOSECONDS in roles and _short(stamp.name) not in SECONDS:
+        both = _listed([stamp.name, columns[places[-1]].name])
         raise ValueError(f"the heading has several columns for {_SHOWN[STAMP]}: {both}")
-    units: dict[str, float] = {}
-    for role, one in own.items():
-        accepted = UNITS.get(role, NO_UNITS if role in POSE else TIME_UNITS)
-        if one.unit and one.unit not in accepted:
-            raise ValueError(
-                f"the unit of the column {printable(one.name)} is not one of {', '.join(accepted)}"
-            )
-        units[role] = accepted[one.unit] if one.unit else 1.0
+    names_unit = bool(stamp.unit)
     is_of_euroc = any(OF_EUROC.fullmatch(_without_unit(_short(one.name))[0]) for one in columns)
-    if not own[STAMP].unit:
-        units[STAMP] = TIME_UNITS["ns" if is_of_euroc else "s"]
-    places = {role: roles.index(role) for role in own}
-    return _Layout(needed, places, units, len(columns), True, bool(own[STAMP].unit), is_of_euroc)
+    if not names_unit:
+        stamp = stamp._replace(unit="ns" if is_of_euroc else "s")
+    units = (
+        _factor(stamp if role == STAMP else columns[place])
+        for role, place in zip(wanted, places, strict=True)
+    )
+    valid = roles.index(VALID) if VALID in roles else None
+    return _Layout(
+        needed,
+        wanted,
+        places,
+        tuple(units),
+        len(columns),
+        True,
+        valid,
+        names_unit,
+        is_of_euroc and not names_unit,
+    )
+
+
+def _factor(column: _Column) -> float:
+    """What the numbers of a column are multiplied by."""
+    units = UNITS.get(column.role, NO_UNITS)
+    if column.unit and column.unit not in units:
+        raise ValueError(f"the unit of the column {printable(column.name)} is not one of {', '.join(units)}")
+    return units[column.unit] if column.unit else 1.0
 
 
 # Rows.
@@ -342,7 +367,7 @@ def _read(path: str | PathLike[str], needed: Roles) -> _Table:
             is_comment = text.startswith("#")
             if is_comment or layout is None and not _is_number(_fields(text)[0]):
                 found = _of_heading(text.lstrip("# "), needed, is_comment=is_comment)
-                if found and layout and (found.places, found.units) != (layout.places, layout.units):
+                if found and layout and not found.same_as(layout):
                     raise ValueError("the heading differs from what is before it")
                 layout = layout or found
                 continue
@@ -383,56 +408,72 @@ def _fields(text: str) -> list[str]:
 
 def _row(text: str, layout: _Layout, *, is_first: bool) -> tuple[int, list[float]] | None:
     """Read the stamp in ns and the other numbers of a row; None: a column says that it is not valid."""
-    fields, needed = _fields(text), layout.needed
-    if not layout.has_heading and not (len(fields) == layout.most and all(map(_is_number, fields))):
-        raise ValueError(
-            f"expected {EXPECTED[needed]}, got {_quoted(text)}{_advice(text, needed, is_first=is_first)}"
-        )
+    fields = _fields(text)
+    if len(fields) != layout.most:
+        _check_columns(text, fields, layout, is_first)
+    if layout.valid is not None and [one.lower() for one in fields[layout.valid :][:1]] in (["false"], ["0"]):
+        return None
+    try:
+        numbers = [float(fields[place]) for place in layout.places]
+    except ValueError:
+        numbers = [nan]
+    if not isfinite(sum(numbers)):
+        _check_numbers(text, fields, layout, is_first)
+    scaled = [number * unit for number, unit in zip(numbers, layout.units, strict=True)]
+    if STAMP not in layout.needed:
+        return 0, scaled
+    return _time_ns(fields[layout.places[0]], numbers, layout), scaled[1 : len(layout.needed)]
+
+
+def _check_columns(text: str, fields: Sequence[str], layout: _Layout, is_first: bool) -> None:
+    """Refuse a row that has too many columns, or too few of those that are needed."""
+    if not layout.has_heading:
+        raise ValueError(_unexpected(text, layout.needed, is_first=is_first))
     if len(fields) > layout.most:
         raise ValueError(f"expected at most the {layout.most} columns of the heading, got {len(fields)}")
-    given = {role: fields[place] for role, place in layout.places.items() if place < len(fields)}
-    if missing := [_SHOWN.get(role, role) for role in layout.places if role not in (*given, VALID)]:
+    ends = zip(layout.roles, layout.places, strict=True)
+    if missing := [_SHOWN.get(role, role) for role, place in ends if place >= len(fields)]:
         raise ValueError(f"the row is cut off before {_listed(missing)}: {_quoted(text)}")
-    if given.get(VALID, "").lower() in ("false", "0"):
-        return None
-    time_ns = _time_ns(given, layout) if STAMP in needed else 0
-    return time_ns, [_number(given, role) * layout.units[role] for role in needed if role != STAMP]
 
 
-def _time_ns(given: Mapping[str, str], layout: _Layout) -> int:
-    text, value, unit = given[STAMP], _number(given, STAMP), layout.units[STAMP]
+def _check_numbers(text: str, fields: Sequence[str], layout: _Layout, is_first: bool) -> None:
+    """Refuse a row with a field that is not a finite number."""
+    for role, place in zip(layout.roles, layout.places, strict=True):
+        if not _is_number(fields[place]) and not layout.has_heading:
+            raise ValueError(_unexpected(text, layout.needed, is_first=is_first))
+        if not _is_number(fields[place]) or not isfinite(float(fields[place])):
+            shown = _SHOWN.get(role, role)
+            raise ValueError(f"{shown}: expected a finite number, got {_quoted(fields[place])}")
+
+
+def _time_ns(text: str, numbers: Sequence[float], layout: _Layout) -> int:
+    value, unit = numbers[0], layout.units[0]
     if value < 0.0:
         raise ValueError(f"expected a stamp of 0 or more, got {text}")
-    if NOT_SECONDS <= value <= LAST_NS and not (layout.names_unit or layout.is_of_euroc):
-        likely = "ms" if value < 1e14 else "us" if value < 1e17 else "ns"
-        columns = "" if layout.needed == TIMES else EXAMPLE.removeprefix("timestamp")
-        heading = f"timestamp [{likely}]{columns}"
-        how = f"add the first line: {heading}"
-        if layout.has_heading:
-            how = f"say so in the heading: timestamp [{likely}]"
-        raise ValueError(f"the stamp {text} is not in seconds; if it is in {likely}, {how}")
-    if 0.0 < value < NOT_SECONDS and layout.is_of_euroc and not layout.names_unit:
+    if layout.is_of_euroc and 0.0 < value < NOT_SECONDS:
         raise ValueError(
             f"in EuRoC's format, stamps are in ns, but {text} is not; name its unit in the heading, such as:"
             " timestamp [s]"
         )
+    if not layout.names_unit and not layout.is_of_euroc and NOT_SECONDS <= value <= LAST_NS:
+        likely = "ms" if value < 1e14 else "us" if value < 1e17 else "ns"
+        how = f"say so in the heading: timestamp [{likely}]"
+        if not layout.has_heading:
+            columns = EXAMPLE if layout.needed == TUM else "timestamp"
+            how = f"add the first line: {columns.replace('timestamp', f'timestamp [{likely}]')}"
+        raise ValueError(f"the stamp {text} is not in seconds; if it is in {likely}, {how}")
     time_ns = LAST_NS + 1
     if value * unit < LAST_NS + S:  # a float is not exact
         time_ns = round(EXACT.multiply(Decimal(text), Decimal(unit)))
-        if NANOSECONDS in given:
-            if not 0.0 <= (rest := _number(given, NANOSECONDS)) < S:
-                raise ValueError(f"expected 0 to 999999999 nanoseconds beside the seconds, got {rest:g}")
-            time_ns += round(rest)
+        if NANOSECONDS in layout.roles:
+            if not (0.0 <= numbers[-1] < S and value.is_integer()):
+                raise ValueError(
+                    f"expected whole seconds and less than 10^9 ns, got {text} and {numbers[-1]:g}"
+                )
+            time_ns += round(numbers[-1])
     if time_ns > LAST_NS:
         raise ValueError(f"the stamp {text} is too large: messages cannot hold {value * unit / S:g} s")
     return time_ns
-
-
-def _number(given: Mapping[str, str], role: str) -> float:
-    text = given[role]
-    if _is_number(text) and isfinite(number := float(text)):
-        return number
-    raise ValueError(f"{_SHOWN.get(role, role)}: expected a finite number, got {_quoted(text)}")
 
 
 def _is_number(text: str) -> bool:
@@ -448,17 +489,20 @@ def _is_number(text: str) -> bool:
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d*(?:[eE][-+]?\d+)?")
 
 
+def _unexpected(text: str, needed: Roles, *, is_first: bool) -> str:
+    return f"expected {EXPECTED[needed]}, got {_quoted(text)}{_advice(text, needed, is_first=is_first)}"
+
+
 def _advice(text: str, needed: Roles, *, is_first: bool) -> str:
     """Say what a row may be, and what to do about it."""
     fields, words = _fields(text), text.replace(";", " ").split()
-    separator = "," if "," in text else " "
-    cut = f"cut -d '{separator}' -f"
+    separator, awk = (",", "awk -F ,") if "," in text else (" ", "awk")
     if ";" in text or len(words) > 1 and all(map(DECIMAL_COMMA.fullmatch, words)):
         return "; write decimal points, and commas or spaces between numbers: tr ',;' '. ' < FILE"
     if text.startswith(("VERTEX", "EDGE", "FIX ")):
         return (
             "; a graph of g2o has no stamps. If times.txt has those of its vertices:"
-            " grep VERTEX_SE3:QUAT FILE | cut -d ' ' -f 3-9 | paste -d ' ' times.txt -"
+            " awk '/^VERTEX_SE3:QUAT/ {print $3, $4, $5, $6, $7, $8, $9}' FILE | paste -d ' ' times.txt -"
         )
     if needed == TIMES:
         several = "; if one of its columns is the stamp, add a first line such as: timestamp [ns],file"
@@ -470,10 +514,15 @@ def _advice(text: str, needed: Roles, *, is_first: bool) -> str:
     found = {
         3: "; poses need a position and a rotation",
         4: "; poses need a position and a rotation",
-        7: f"; if times.txt has the stamps: paste -d '{separator}' times.txt FILE",
+        7: "; if they are x y z qx qy qz qw, and times.txt has the stamps:"
+        f" paste -d '{separator}' times.txt FILE",
         12: "; KITTI's poses need `times` or `--trajectory-times`",
-        13: f"; if it is a stamp and a matrix, `{cut} 1` writes the file `times`, and `{cut} 2-13` the poses",
-        16: f"; if it is a matrix, `{cut} 1-12` writes the format of KITTI, which needs `times`",
+        13: f"; if it is a stamp and a matrix, `{awk} '{{print $1}}' FILE` writes the file `times`, and"
+        f" `{awk} '{{$1 = \"\"; print}}' FILE` the poses",
+        16: f"; if it is a matrix, `{awk} '{{NF = 12; print}}' FILE` writes the format of KITTI, which needs"
+        " `times`",
+        17: f"; if it is an index and a matrix, `{awk} '{{NF = 13; $1 = \"\"; print}}' FILE` writes the"
+        " format of KITTI, which needs `times`",
     }
     if not is_first and len(fields) < len(needed):
         return "; the row is cut off"

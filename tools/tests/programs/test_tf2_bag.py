@@ -184,6 +184,25 @@ class TestTrajectory:
         assert histories["odom"].stamps_ns.tolist() == histories["base"].stamps_ns.tolist()
         assert len(Buffer.open(frozen).histories()["odom"].stamps_ns) < 20
 
+    @pytest.mark.parametrize("later", ["dated ahead", "another parent"])
+    def test_correct_needs_no_odometry_at_the_last_stamp(self, run, tmp_path, later):
+        """A localizer dates its transforms ahead; or the robot is carried away at the end."""
+        stamps = [100 * S + i * S // 10 for i in range(100)]
+        ahead = S if later == "dated ahead" else 0
+        moving = [[Tf("odom", "base", ns, (ns / S, 0, 0)), Tf("map", "odom", ns + ahead)] for ns in stamps]
+        sent = [Sent(own[0].ns, "/tf", own) for own in moving]
+        if later == "another parent":
+            sent.append(Sent(111 * S, "/tf", [Tf("dock", "base", 111 * S)]))
+        path, written = write_mcap(tmp_path / "run.mcap", sent), tmp_path / "corrected.mcap"
+        (tmp_path / "two.tum").write_text("101 1 5 0 0 0 0 1\n109 9 5 0 0 0 0 1\n")
+        own = ("--trajectory", tmp_path / "two.tum", "map", "odom", "base")
+        assert run("correct", path, *own, "-o", written)[0] == 0
+        buffer = load(written)
+        inside = [ns for ns in stamps if 101 * S <= ns <= 109 * S]
+        assert set(inside) <= {*buffer.histories()["odom"].stamps_ns.tolist()}
+        places = buffer.lookup_transforms("map", "base", inside)[0]
+        np.testing.assert_allclose(places, [(ns / S - 100, 5, 0) for ns in inside], rtol=0, atol=1e-9)
+
     def test_correct_never_replaces_the_recording(self, run, drive_mcap, tum, tmp_path):
         own = ("--trajectory", tum, "map", "odom", "base")
         folder = write_folder(tmp_path / "run", drive(100))

@@ -298,7 +298,11 @@ def fill_between_keyframes(buffer: BufferCore, parent: str, child: str, moving: 
     """
     histories = buffer.histories()
     keyframes_ns = histories[child].stamps_ns
-    chain = buffer.path(child, moving, int(keyframes_ns[-1]))
+    chain = [child]
+    for time_ns in keyframes_ns.tolist():  # at some, the odometry is not known, or has another parent
+        with suppress(TransformException):
+            chain = buffer.path(child, moving, time_ns)
+            break
     moved = [histories[name] for name in chain if name != child and name in histories]
     stamps_ns = np.unique(
         np.concatenate([one.stamps_ns for one in moved if not one.static] or [keyframes_ns])

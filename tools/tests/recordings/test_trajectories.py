@@ -264,6 +264,9 @@ def test_a_start_is_a_time(optimized):
         replace(optimized, start="record")
     with pytest.raises(TypeError, match=r"start: expected nanoseconds .*; round\(seconds \* 1e9\)"):
         replace(optimized, start=1.5)
+    for time in (np.datetime64("NaT"), 10**30):
+        with pytest.raises(ValueError, match="start: expected a time that 64-bit nanoseconds can hold, got"):
+            replace(optimized, start=time)
 
 
 # A topic of the recording.
@@ -513,6 +516,9 @@ def test_equal_poses_at_a_stamp_are_one_and_different_ones_are_left_out(path, op
 
 
 def test_other_arguments_are_refused(path, tmp_path):
+    for name, given in {"path": b"optimized.tum", "times": 3}.items():
+        with pytest.raises(TypeError, match=f"{name}: expected a str or a path, got {given!r}"):
+            bag.Trajectory(**{"path": "a", "parent": "map", "child": "odom", "moving": "base", name: given})
     with pytest.raises(TypeError, match="trajectory: expected a Trajectory, got str"):
         bag.load(path, trajectory="optimized.tum")
     with pytest.raises(FileNotFoundError):

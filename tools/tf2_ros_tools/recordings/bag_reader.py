@@ -302,10 +302,12 @@ def as_time_ns(name: str, time: TimeLike) -> int:
     """
     Convert a time that a user has passed as an argument.
 
-    :raises TypeError: it is not a time.
+    :raises TypeError, ValueError: it is not a time, or it is NaT or too large.
     """
     try:
         return int(to_nanoseconds([time])[0])
+    except (ValueError, OverflowError):
+        raise ValueError(f"{name}: expected a time that 64-bit nanoseconds can hold, got {time!r}") from None
     except TypeError:
         accepted = "nanoseconds as an int, a datetime64, or an object with sec and nanosec"
         advice = "; round(seconds * 1e9) converts seconds" if isinstance(time, float) else ""

@@ -63,7 +63,8 @@ class Trajectory:
         heading names, such as ``timestamp [ns]``; only for KITTI and ``PoseArray``.
     :param start: a time that is added to all stamps of files, if they count from a start; ``"recording"``:
         the first log time of the recording. None: they are those of the recording's clock.
-    :raises TypeError, ValueError: the name of a frame is not a str, or ``start`` is not a time.
+    :raises TypeError, ValueError: a path or the name of a frame is something else, or ``start`` is not a
+        time.
 
     The pose that is closest to the first odometry is used there if it is at most 1 µs away, because its stamp
     may be rounded; and so at the last one.
@@ -80,6 +81,9 @@ class Trajectory:
     start: TimeLike | Literal["recording"] | None = None
 
     def __post_init__(self) -> None:
+        for name in ("path", "times") if self.times is not None else ("path",):
+            if not isinstance(given := getattr(self, name), str | PathLike):
+                raise TypeError(f"{name}: expected a str or a path, got {given!r}")
         for name in ("parent", "child", "moving"):
             if not isinstance(frame := getattr(self, name), str):
                 raise TypeError(f"{name}: expected a str, the name of a frame, got {frame!r}")

@@ -7,6 +7,7 @@ from typing import Any
 from tf2_py import stored_name
 from tf2_py._internal import MalformedObjectError
 from tf2_ros._arguments import kind_of
+from tf2_ros._registration import how_without_header
 
 
 def valid_prefix(prefix: str) -> str:
@@ -33,7 +34,6 @@ def source_of(stamped: Any, prefix: str) -> tuple[Any, Any]:
     try:
         header = stamped.header
     except AttributeError:
-        kind = kind_of(stamped)
-        text = f"object_stamped: expected an object with a header, such as PoseStamped, got {kind}"
-        raise MalformedObjectError(text) from None
+        text = f"object_stamped: expected an object with a header, got {kind_of(stamped)}"
+        raise MalformedObjectError(f"{text}{how_without_header(type(stamped))}") from None
     return frame_of(header, prefix), header.stamp

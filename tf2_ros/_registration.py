@@ -3,6 +3,7 @@
 """Register the functions that transform and convert each type."""
 
 import importlib
+import importlib.util
 import sys
 from collections.abc import Callable
 from copy import deepcopy
@@ -52,29 +53,62 @@ _FROM_MSG: dict[Any, Callable[..., Any]] = {}
 _CONVERSIONS: dict[Any, Callable[..., Any]] = {}
 
 
+def _package_of(key: Any) -> str:
+    """The package of a type; imports the package that registers its messages."""
+    package: str = getattr(key, "__module__", "").partition(".")[0]
+    if package in _REGISTERED_BY:
+        importlib.import_module(_REGISTERED_BY[package])
+    return package
+
+
+def stamped_class(key: Any) -> str:
+    """The name of the message class with a header for one without, if it can be transformed; else ``""``."""
+    messages = sys.modules.get(f"{_package_of(key)}.msg")
+    name = f"{getattr(key, '__name__', '')}Stamped"
+    return name if getattr(messages, name, None) in _TRANSFORMS else ""
+
+
+def how_without_header(key: Any) -> str:
+    """What to do with an object of a registered type that has no header, as the end of an error."""
+    package, stamped = _package_of(key), stamped_class(key)
+    if package not in _REGISTERED_BY or key not in _TRANSFORMS:
+        return ""
+    put = f"put it into a {stamped}, or " if stamped else ""
+    return f": {put}call {_REGISTERED_BY[package]}.{_TRANSFORMS[key].__name__} with a transform"
+
+
 def _find(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callable[..., Any]:
     """Find the function for ``key``; a TypeException says how ``method`` would make it known."""
     package = getattr(key, "__module__", "").partition(".")[0]
-    if key not in table and package in _REGISTERED_BY:
-        importlib.import_module(_REGISTERED_BY[package])
+    if key not in table:
+        _package_of(key)
     if key in table:
         return table[key]
-    if package in _REGISTERED_BY:
-        # Importing a package does not help.
-        name = getattr(key, "__name__", "")
-        stamped = getattr(sys.modules.get(f"{package}.msg"), f"{name}Stamped", None)
-        advice = f"put it into {name}Stamped, " if stamped in table else ""
-        page = "point-clouds.md#laser-scans" if name == "LaserScan" else "message-types.md"
-        advice += f"see docs/{page}, or "
-    elif key is str:
-        advice = "pass the message first, then the frame, or "
-    elif package == "tf2_py":  # a class that stands in for a message of ROS 2
-        advice = "without ROS 2, use to_matrix of tf2_ros.numpy, or buffer.transform_points, or "
-    else:
-        advice = "import the package that registers it, or "
     raise TypeException(
-        f"Type {key} is not loaded or supported: {advice}register a function with tf2_ros.{method}"
+        f"Type {key} is not loaded or supported: {_advice(key, package)}register a function with "
+        f"tf2_ros.{method}"
     )
+
+
+def _advice(key: Any, package: str) -> str:
+    """What else would help, as the begin of a list; ``""``: nothing is known."""
+    if package in _REGISTERED_BY:
+        stamped = stamped_class(key)
+        put = f"put it into {stamped}, " if stamped else ""
+        where = 'the page "Message types"'
+        if getattr(key, "__name__", "") == "LaserScan":
+            where = '"Laser scans" on the page "Point clouds and scans"'
+        return f"{put}see {where} of the documentation, or "
+    if key is str:
+        return "pass the message first, then the frame, or "
+    if package == "tf2_py":  # a class that stands in for a message of ROS 2
+        return "without ROS 2, use to_matrix of tf2_ros.numpy, or buffer.transform_points, or "
+    if hasattr(key, "get_fields_and_field_types"):  # a message class
+        # The packages that register types for tf2 have such names.
+        registering = f"tf2_{package}"
+        is_installed = importlib.util.find_spec(registering) is not None
+        return f"import {registering}, which may register it, or " if is_installed else ""
+    return "" if package == "builtins" else "import the package that registers it, or "
 
 
 def _name(cls: Any) -> str:

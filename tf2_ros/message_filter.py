@@ -36,6 +36,7 @@ from tf2_ros._nodes.ended_nodes import node_has_ended, require_node
 from tf2_ros._process.background import background, check_regularly
 from tf2_ros._process.forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._rclpy import destroy_subscription, is_node
+from tf2_ros._registration import stamped_class
 from tf2_ros._wait import call_queue
 from tf2_ros._wait.call_runners import ExecutorRunner, call_queue_of
 from tf2_ros._wait.filtered_messages import FilterCalls, FilteredMessage
@@ -227,7 +228,10 @@ class MessageFilter(Generic[_Message]):
             return
         header: Any = getattr(message, "header", None)
         if not hasattr(header, "frame_id") or not hasattr(header, "stamp"):
-            raise TypeError(f"message: expected a header with frame_id and stamp, got {kind_of(message)}")
+            stamped = stamped_class(type(message))
+            advice = f"; {stamped} has one" if stamped else ""
+            text = f"message: expected a header with frame_id and stamp, got {kind_of(message)}{advice}"
+            raise TypeError(text)
         frame_name(header.frame_id, "header.frame_id")
         frame = frame_of(header, self._prefix) if self._prefix else stored_name(header.frame_id)
         stamp_ns = time_ns(header.stamp, "header.stamp")
@@ -361,9 +365,11 @@ class MessageFilter(Generic[_Message]):
         if isinstance(input, tuple) and len(input) == 3:
             message_type, topic, qos = input
             if not hasattr(message_type, "header"):
+                stamped = stamped_class(message_type)
+                advice = f"; {stamped} has one" if stamped else ""
                 raise TypeError(
                     "input: expected (message type, topic, qos), in this order, and a type with a header, "
-                    f"got {input!r}"
+                    f"got {input!r}{advice}"
                 )
             # In the group of the calls, so that no two threads of an executor call back at the same time.
             runner, options = self._call_queue.runner, {}

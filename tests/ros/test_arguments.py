@@ -11,7 +11,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PointStamped, Pose, PoseStamped, Transform, TransformStamped
+from geometry_msgs.msg import (
+    Point32,
+    PointStamped,
+    Pose,
+    PoseStamped,
+    Transform,
+    TransformStamped,
+    Vector3,
+    Wrench,
+)
 from rclpy.duration import Duration
 from rclpy.time import Time
 from simulated_clock import simulate
@@ -313,6 +322,10 @@ def test_a_filter_refuses_wrong_inputs_callbacks_and_messages(tf2_ros, node, buf
         assert points.callbacks == {}
         with pytest.raises(TypeError, match="^message: expected a header .*, got the class PointStamped"):
             points.add(PointStamped)
+        with pytest.raises(TypeError, match="^message: .*, got Wrench; WrenchStamped has one$"):
+            points.add(Wrench())
+    with pytest.raises(TypeError, match=rf"^{re.escape(expected)}, got .*; PoseStamped has one$"):
+        tf2_ros.MessageFilter((Pose, "poses", 10), buffer, "map", 10, node=node)
 
 
 @pytest.mark.parametrize(
@@ -348,14 +361,40 @@ def test_a_node_in_the_place_of_the_cache_time(tf2_ros, node):
 
 
 @either_kind
-def test_an_object_without_a_header(buffer, kind):
-    text = "^object_stamped: expected an object with a header, such as PoseStamped, got Pose$"
-    with pytest.raises(kind, match=text):
-        buffer.transform(Pose(), "map")
-    with pytest.raises(kind, match=text):
-        buffer.transform_full(Pose(), "map", at(1), "map")
-    with pytest.raises(kind, match=text):
-        buffer.transform_async(Pose(), "map").send(None)
+@pytest.mark.parametrize(
+    ("message", "stamped", "function"),
+    [
+        (Pose(), "PoseStamped", "do_transform_pose"),
+        (Wrench(), "WrenchStamped", "do_transform_wrench"),
+        (Vector3(), "Vector3Stamped", "do_transform_vector3"),
+        (Point32(), None, "do_transform_point"),
+    ],
+    ids=lambda one: type(one).__name__,
+)
+def test_an_object_without_a_header(buffer, kind, message, stamped, function):
+    """The error names what transforms it."""
+    put = f"put it into a {stamped}, or " if stamped else ""
+    text = (
+        f"object_stamped: expected an object with a header, got {type(message).__name__}: {put}"
+        f"call tf2_geometry_msgs.{function} with a transform"
+    )
+    with pytest.raises(kind, match=f"^{re.escape(text)}$"):
+        buffer.transform(message, "map")
+    with pytest.raises(kind, match=f"^{re.escape(text)}$"):
+        buffer.transform_full(message, "map", at(1), "map")
+    with pytest.raises(kind, match=f"^{re.escape(text)}$"):
+        buffer.transform_async(message, "map").send(None)
+    assert callable(getattr(tf2_geometry_msgs, function))
+
+
+@either_kind
+def test_an_object_of_a_program_without_a_header(buffer, kind):
+    class Height:
+        pass
+
+    buffer.registration.add(Height, lambda height, transform: height)
+    with pytest.raises(kind, match="^object_stamped: expected an object with a header, got Height$"):
+        buffer.transform(Height(), "map")
 
 
 def test_a_listener_with_its_own_callback_needs_no_buffer(tf2_ros, node):

@@ -20,8 +20,9 @@ from processes import output_of
 from rclpy.duration import Duration
 from rclpy.time import Time
 from sensor_msgs.msg import JointState, LaserScan, PointCloud2, Range
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 from times_and_transforms import at, transform
+from visualization_msgs.msg import Marker
 from waiting import until
 
 SHORT = Duration(seconds=0.01)
@@ -125,27 +126,49 @@ def test_an_unknown_type_is_refused_by_name_and_with_a_cure(buffer, interface, m
 
 def test_the_refusal_of_a_type_says_what_would_help(buffer, interface):
     with pytest.raises(interface.TypeException) as caught:
-        buffer.transform(5, "map")
-    said = "Type <class 'int'> is not loaded or supported"  # as tf2
-    assert str(caught.value).startswith(f"{said}: import the package")
+        buffer.transform(Unknown(), "map")
+    said = f"Type {Unknown} is not loaded or supported"  # as tf2
+    assert str(caught.value).startswith(f"{said}: import the package that registers it, or register")
     assert caught.value.errstr == str(caught.value)
     with pytest.raises(interface.TypeException, match="supported: pass the message first, then the frame"):
         buffer.transform("map", PoseStamped())
-    with pytest.raises(interface.TypeException, match="supported: put it into TwistStamped, see docs/mess"):
+    with pytest.raises(interface.TypeException, match="supported: put it into TwistStamped, see the page"):
         buffer.transform(Twist(), "map")
     # InertiaStamped is no answer: it cannot be transformed, either.
-    with pytest.raises(interface.TypeException, match="supported: see docs/message-types.md"):
+    with pytest.raises(interface.TypeException, match='supported: see the page "Message types" of the doc'):
         buffer.transform(Inertia(), "map")
 
 
+@pytest.mark.parametrize("nobodys", [String(), Header(), Marker(), 5, {}, (1.0, 2.0), b"map"], ids=repr)
+def test_no_package_is_named_for_a_type_that_none_registers(buffer, interface, nobodys):
+    with pytest.raises(interface.TypeException, match="supported: register a function with tf2_ros"):
+        buffer.transform(nobodys, "map")
+
+
+def test_a_package_that_tf2_would_have_for_messages_is_named_if_it_is_installed(
+    buffer, interface, tmp_path, monkeypatch
+):
+    (tmp_path / "tf2_visualization_msgs.py").touch()
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(interface.TypeException, match="import tf2_visualization_msgs, which may register it"):
+        buffer.transform(Marker(), "map")
+
+
 @pytest.mark.parametrize(
-    ("kind", "page"), [(LaserScan, "point-clouds.md#laser-scans"), (Range, "message-types.md")], ids=str
+    ("kind", "title", "section"),
+    [(LaserScan, "Point clouds and scans", "Laser scans"), (Range, "Message types", None)],
+    ids=str,
 )
-def test_the_refusal_of_a_type_whose_package_is_imported_names_the_page(buffer, interface, kind, page):
-    with pytest.raises(interface.TypeException, match=f"supported: see docs/{page}, or register a function"):
+def test_the_refusal_of_a_type_whose_package_is_imported_names_the_page(
+    buffer, interface, kind, title, section
+):
+    where = f'"{section}" on the page "{title}"' if section else f'the page "{title}"'
+    text = f"supported: see {where} of the documentation, or register a function"
+    with pytest.raises(interface.TypeException, match=text):
         buffer.transform(kind(), "map")
-    path, _, anchor = page.partition("#")
-    assert anchor.replace("-", " ") in (ROOT / "docs" / path).read_text().lower()
+    pages = [page.read_text(encoding="utf-8") for page in (ROOT / "docs").glob("*.md")]
+    [page] = [page for page in pages if page.startswith(f"# {title}\n")]
+    assert section is None or f"## {section}\n" in page
 
 
 @pytest.mark.parametrize("when", ["before", "after"])

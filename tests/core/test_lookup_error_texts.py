@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What programs find in error texts with regular expressions, greedy ones included."""
 
+import math
 import re
+from types import SimpleNamespace
 
 import pytest
 from times_and_transforms import at, transform
@@ -116,6 +118,43 @@ def test_an_error_at_the_latest_common_time_names_the_frame_without_newer_data(t
         with pytest.raises(tf2_py.ExtrapolationException) as raised:
             look_up()
         assert str(raised.value).endswith(f"s too new{reason}")
+
+
+DAY = 86400
+SPANS = [
+    (DAY - 1, "86399.000000000 s"),
+    (DAY, "1 day"),
+    (3.5 * DAY, "3.5 days"),
+    (-3.5 * DAY, "3.5 days"),
+    (365 * DAY, "365 days"),
+    (1_700_000_000, "53.9 years"),
+    (-1_700_000_000, "53.9 years"),
+]
+
+
+@pytest.mark.parametrize(("later", "span"), SPANS)
+def test_a_span_of_a_day_or_more_is_said_in_days_or_years(tf2_py, later, span):
+    buffer, newest = tf2_py.BufferCore(), 400_000_000 if later > 0 else 2_000_000_000
+    for stamp in (newest, newest + 1):
+        buffer.set_transform(transform("map", "base", stamp), "x")
+    said = error_of(tf2_py, buffer, "map", "base", newest + later + (later > 0))
+    assert f" is {span} too {'old' if later > 0 else 'new'}" in said
+
+
+def test_so_is_an_age_a_gap_and_how_far_a_time_is_ahead_of_the_clock(tf2_ros):
+    buffer, newest = tf2_ros.Buffer(math.inf), 1_600_000_000 + 7 * DAY
+    buffer.clock = SimpleNamespace(now=lambda: at(newest + 2 * DAY))
+    for stamp in (1_600_000_000, newest):
+        buffer.set_transform(transform("map", "base", stamp), "x")
+    for text, time, policy in (
+        (r"interpolation across 7 days, .* further apart than max_gap, 1\.0+ s$", newest - 1, {"max_gap": 1}),
+        (r"is 2 days old by the clock of the buffer, at .*; max_age allows 5\.0+ s$", 0, {"max_age": 5}),
+        (r"the requested time is 5 days ahead of the clock of the buffer$", newest + 7 * DAY, {}),
+    ):
+        with pytest.raises(tf2_ros.ExtrapolationException, match=text):
+            buffer.lookup_transform("map", "base", at(time), **policy)
+    assert ", newest 2 days old, " in str(buffer.explain("map", "base", 0))
+    assert " (gap 7 days), newest 2 days old, " in str(buffer.explain("map", "base", at(newest - 1)))
 
 
 def test_a_tolerance_that_is_too_short_names_the_frame_that_is_furthest_behind(tf2_ros, robot):

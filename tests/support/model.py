@@ -27,7 +27,18 @@ from model_math import (
     turned,
 )
 from model_policies import Policies
-from model_terms import NEWEST, RESERVED, STAMPS_END, TF2, ModelError, S, limit_of, require_stamps, seconds
+from model_terms import (
+    NEWEST,
+    RESERVED,
+    STAMPS_END,
+    TF2,
+    ModelError,
+    S,
+    limit_of,
+    require_stamps,
+    seconds,
+    span,
+)
 
 MOST_OF_ONE_STAMP = 64  # samples; then the newest replaces the one before it
 MOST_HOPS = 1000  # from a frame up to the common ancestor
@@ -74,7 +85,7 @@ def gap(name, time, sample, text, which, newest_ns):
     missing = abs(time - stamp)
     how = "too new" if stamp > time else "too old"
     sample_text = f"the {which} sample of {name} (parent {parent}) at {seconds(stamp)}"
-    addition = f"{sample_text} is {seconds(missing)} s {how}"
+    addition = f"{sample_text} is {span(missing)} {how}"
     year = 365 * 86400 * 10**9
     from_1970 = 0 < time < year and stamp > 30 * year
     data_from_1970 = 0 < stamp < year and time > 30 * year
@@ -715,8 +726,8 @@ def extrapolation_text(target, source, source_gaps, target_gaps, limiting, now_n
     lack = max(source_gaps + target_gaps, key=lambda gap: gap.missing)
     addition = lack.addition
     if lack.time is not None and not lack.is_late and 0 < (now_ns or 0) < lack.time:
-        ahead = seconds(lack.time - now_ns)
-        addition += f"; the requested time is {ahead} s ahead of the clock of the buffer"
+        ahead = span(lack.time - now_ns)
+        addition += f"; the requested time is {ahead} ahead of the clock of the buffer"
     if quoted.from_1970 or lack.from_1970:
         addition += (
             ". The requested time is in 1970: is it in the wrong unit (an int is in nanoseconds), or "

@@ -5,7 +5,7 @@
 import math
 
 from model_math import IDENTITY, composed
-from model_terms import ModelError, limit_of, require_stamps, seconds
+from model_terms import ModelError, limit_of, require_stamps, seconds, span
 
 MOST_SUGGESTED = 3  # names in the text of an error
 YEAR = 365 * 86400 * 10**9  # ns
@@ -68,7 +68,7 @@ class Policies:
                 "or nothing spins the node"
             )
         else:
-            fact = f"is {seconds(age)} s old by the clock of the buffer, at {seconds(self.now_ns)}"
+            fact = f"is {span(age)} old by the clock of the buffer, at {seconds(self.now_ns)}"
         text = (
             f"The latest transform from frame [{source}] to frame [{target}] is too old; the newest sample "
             f"of {name} in {frame.newest_parent()}, at {seconds(frame.newest_ns())}, {fact}; max_age allows "

@@ -15,6 +15,16 @@ def seconds(ns):
     return f"{sign}{ns // S}.{ns % S:09d}"
 
 
+def span(ns):
+    """How long: in seconds; from a day on in days, from a year on in years."""
+    day = 86400 * S
+    if ns < day:
+        return f"{seconds(ns)} s"
+    number, unit = (ns / day, "day") if ns < 365.25 * day else (ns / (365.25 * day), "year")
+    number = f"{number:.3g}"
+    return f"{number} {unit}" if number == "1" else f"{number} {unit}s"
+
+
 class ModelError(Exception):
     """
     What a lookup raises: the name of tf2's class, and the text, or one of several.

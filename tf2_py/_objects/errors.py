@@ -6,7 +6,8 @@ from tf2_py._objects.frame_names import MOST_SUGGESTED, is_invalid_name
 from tf2_py.printable import printable
 
 NS_PER_S = 1_000_000_000
-YEAR_NS = 365 * 86400 * NS_PER_S
+DAY_NS = 86400 * NS_PER_S
+YEAR_NS = 365 * DAY_NS
 SHORTEST_WAIT_NS = 1_000_000  # texts do not mention a shorter wait
 TOO_NEW = "too new"
 IN_1970 = (
@@ -67,6 +68,20 @@ def seconds(ns: int) -> str:
     sign = "-" if ns < 0 else ""
     whole, rest = divmod(abs(ns), NS_PER_S)
     return f"{sign}{whole}.{rest:09d}"
+
+
+def span(ns: int) -> str:
+    """How long, for people: in seconds, with all digits; from a day on in days, from a year on in years."""
+    return in_days(ns) or f"{seconds(ns)} s"
+
+
+def in_days(ns: int) -> str:
+    """How long, with three digits: a day or more in days, a year or more in years; less: ``""``."""
+    for unit, unit_ns in (("year", 365.25 * DAY_NS), ("day", DAY_NS)):
+        if abs(ns) >= unit_ns:
+            number = f"{ns / unit_ns:.3g}"
+            return f"{number} {unit}" if number == "1" else f"{number} {unit}s"
+    return ""
 
 
 # Programs parse these texts with regular expressions that were written for tf2; see
@@ -144,11 +159,11 @@ def extrapolation(
     else:
         which = {"future": "newest", "past": "oldest", "single": "only"}[gap]
         how = TOO_NEW if edge_ns > requested_ns else "too old"
-        apart = seconds(abs(requested_ns - edge_ns))
-        lack = f"the {which} sample of {child} (parent {parent}) at {seconds(edge_ns)} is {apart} s {how}"
+        apart = span(abs(requested_ns - edge_ns))
+        lack = f"the {which} sample of {child} (parent {parent}) at {seconds(edge_ns)} is {apart} {how}"
         if edge_ns < requested_ns and 0 < now_ns < requested_ns:
-            ahead = seconds(requested_ns - now_ns)
-            lack += f"; the requested time is {ahead} s ahead of the clock of the buffer"
+            ahead = span(requested_ns - now_ns)
+            lack += f"; the requested time is {ahead} ahead of the clock of the buffer"
     if tolerance_ns > 0 and edge_ns < requested_ns:
         lack += f"; tolerance allows {seconds(tolerance_ns)} s"
     if 0 < requested_ns < YEAR_NS and max(quoted_ns, edge_ns) > 30 * YEAR_NS:
@@ -168,9 +183,9 @@ def long_gap(
 ) -> ExtrapolationException:
     """The error for a time between two samples that are further apart than ``max_gap`` allows."""
     child, target, source = map(printable, (child, target, source))
-    gap = seconds(newer_ns - older_ns)
+    gap = span(newer_ns - older_ns)
     return ExtrapolationException(
-        f"Lookup at time {seconds(requested_ns)} would require interpolation across {gap} s, when looking up "
+        f"Lookup at time {seconds(requested_ns)} would require interpolation across {gap}, when looking up "
         f"transform from frame [{source}] to frame [{target}]; the samples of {child} at "
         f"{seconds(older_ns)} and {seconds(newer_ns)} are further apart than max_gap, {seconds(max_gap_ns)} s"
     )
@@ -200,7 +215,7 @@ def stale(
             "or nothing spins the node"
         )
     else:
-        fact = f"is {seconds(now_ns - newest_ns)} s old by the {clock}, at {seconds(now_ns)}"
+        fact = f"is {span(now_ns - newest_ns)} old by the {clock}, at {seconds(now_ns)}"
     text = (
         f"The latest transform from frame [{printable(source)}] to frame [{printable(target)}] is too old; "
         f"{what}, at {seconds(newest_ns)}, {fact}; max_age allows {seconds(max_age_ns)} s"

@@ -6,7 +6,7 @@ import math
 from html import escape
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from tf2_py._objects.errors import NS_PER_S, seconds
+from tf2_py._objects.errors import NS_PER_S, in_days, seconds
 from tf2_py.printable import printable
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class Hop(NamedTuple):
 
     def _facts(self) -> tuple[str, str, str, str, str]:
         """What is shown of it; the gap and the age are empty where they have no meaning."""
-        gap = "" if self.how in ("static", "sample") else f"{self.gap:.3f} s"
+        gap = "" if self.how in ("static", "sample") else _span(self.gap)
         return self._arrow(), self._samples(), gap, self._age(), printable(self.last_authority)
 
     def _arrow(self) -> str:
@@ -103,7 +103,12 @@ class Hop(NamedTuple):
     def _age(self) -> str:
         if self.age is None:
             return ""
-        return f"{self.age:.3f} s old" if math.isfinite(self.age) else "of unknown age"
+        return f"{_span(self.age)} old" if math.isfinite(self.age) else "of unknown age"
+
+
+def _span(seconds: float) -> str:
+    """How long, with a sign, but none for what rounds to 0."""
+    return in_days(round(seconds * NS_PER_S)) or f"{round(seconds, 3) + 0.0:.3f} s"
 
 
 class Explanation(NamedTuple):

@@ -12,7 +12,7 @@ from random_runs import seeds
 
 from tf2_ros.records import RECORD
 from tf2_ros_tools.common.program import UsageError
-from tf2_ros_tools.diagnosis.findings import Expectation, Limits, Received, expected_by, find
+from tf2_ros_tools.diagnosis.findings import Expectation, Finding, Limits, Received, expected_by, find
 from tf2_ros_tools.diagnosis.stream_statistics import TAIL, Streams, moving_on, newest_streams
 from tf2_ros_tools.diagnosis.texts import line_of
 
@@ -395,6 +395,20 @@ class TestRecords:
             f"{count} transforms of odom by /odometry have the stamp 0, because the publisher does not set it"
         )
         assert said(found) == [f"unset: {text}"] * (count > 0)
+
+    def test_causes_come_before_what_follows_from_them(self):
+        """A slow clock and a second publisher, in a report with gaps of all frames and a silent one."""
+        streams, refused = reported(
+            *[steady(frame, "map", end=1) + steady(frame, "map", start=2.5) for frame in ("odom", "base")],
+            steady("base", "map", publisher="/other", end=1) + steady("base", publisher="/other", start=2.5),
+            steady("camera", "base", end=1, delay=5),
+            [heard(0, "lidar", "world", static=True)],
+            [heard(0, "world", "map", static=True, refusals=8)],
+        )
+        also = [Finding("lost", "", "x"), Finding("malformed", "", "x")]
+        kinds = [one.kind for one in find(streams, Limits(min_rate=60), refused=refused, also=also)]
+        causes = ["malformed", "lost", "publishers", "refused"]
+        assert list(dict.fromkeys(kinds)) == [*causes, "roots", "delay", "stale", "gap", "rate"]
 
     def test_stamps_that_were_not_set_say_nothing_about_a_clock(self):
         mine = records(steady("odom"), steady("base", "odom"))

@@ -46,7 +46,7 @@ def test_json_has_the_verdict_the_findings_and_the_figures(peer):
     roots = {"kind": "roots", "frame": "", "text": text, "frames": []}
     text = "1 message could not be read"
     malformed = {"kind": "malformed", "frame": "", "text": text, "frames": []}
-    assert (found["ok"], found["seconds"], found["findings"]) == (False, 5.0, [roots, malformed])
+    assert (found["ok"], found["seconds"], found["findings"]) == (False, 5.0, [malformed, roots])
     assert {stream["frame"] for stream in found["streams"]} == {"b", "isle"}
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 from tf2_ros_tools.common.options import non_negative_number, positive_number
 
 # The kinds of findings, in the order in which they are reported; docs/programs/tf2_check.md explains them.
+# Causes come first: of what follows from them, there may be one finding for each frame.
 KINDS = tuple(
-    "nothing qos clock clocks roots loop parents publishers mixed values refused unnormalized unset stale "
-    "future gap rate missing parent delay static malformed lost".split()
+    "nothing qos clock clocks malformed lost parents publishers mixed values refused unnormalized unset "
+    "missing parent static roots loop future delay stale gap rate".split()
 )
 
 

@@ -74,11 +74,11 @@ def report(
     # Stamps that went back are not newer than all before, but they advance.
     advancing = () if back is None else back.frames
     judged = [replace(one, stalled=one.silence) if one.frame in advancing else one for one in streams]
-    found = find(judged, limits, expectations, refused=refused, recorded=True, also=also)
     silence = 0.0 if heard.end_ns is None or static.all() else (heard.end_ns - now_ns) / S
     if silence > limits.stale:
         text = f"no dynamic transform was received in the last {three_digits(silence)} s"
-        found.insert(0, Finding("stale", "", text))
+        also.append(Finding("stale", "", text))
+    found = find(judged, limits, expectations, refused=refused, recorded=True, also=also)
     begin, end = int(times.min()) / S, int(times.max()) / S
     return Report(streams, refused, found, begin, end, len(records), differ)
 

@@ -35,6 +35,18 @@ def three_digits(number: float) -> str:
     return f"{number:.0f}" if abs(number) >= 100.0 else f"{number:.3g}"
 
 
+YEAR_S, DAY_S = 365.25 * 86400.0, 86400.0
+
+
+def span(seconds: float) -> str:
+    """Format how long something lasts: in seconds, from a day on in days, from a year on in years."""
+    for unit, size in (("year", YEAR_S), ("day", DAY_S)):
+        if abs(seconds) >= size:
+            number = three_digits(seconds / size)
+            return f"{number} {unit}" if number == "1" else f"{number} {unit}s"
+    return f"{three_digits(seconds)} s"
+
+
 def first_names(names: Sequence[str]) -> str:
     """Format the first five names: ``a, b, c, d, e and 3 more``."""
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_ros.numpy import to_matrix
-from tf2_ros_tools.common.output import counted, first_names, three_digits
+from tf2_ros_tools.common.output import DAY_S, counted, first_names, span, three_digits
 from tf2_ros_tools.common.program import UsageError
 from tf2_ros_tools.common.roll_pitch_yaw import rpy_from_matrices
 from tf2_ros_tools.common.yaml_files import NOT_NEGATIVE, Key, boolean, frame_name, read_keys, read_yaml
@@ -79,7 +79,6 @@ def expected_by(path: Path | None) -> dict[str, Expectation]:
         raise UsageError(f"{path}: {error}") from None
 
 
-YEAR_S = 365.25 * 24 * 3600.0
 # If stamps and times of reception differ by more, they come from two clocks: one was simulated or replayed.
 SAME_CLOCK_S = 3600.0
 
@@ -240,7 +239,7 @@ def _of_other_clocks(streams: Sequence[Stream], clock: str) -> Iterator[Finding]
             by_publisher.setdefault((one.publisher, offset > 0.0), {})[one.frame] = offset
     for (publisher, is_behind), offsets in sorted(by_publisher.items()):
         size = min(map(abs, offsets.values()))
-        long = f"{size / YEAR_S:.3g} years" if size > YEAR_S else f"{three_digits(size / 3600.0)} hours"
+        long = f"{three_digits(size / 3600.0)} hours" if size < DAY_S else span(size)
         where = f"{long} {'behind' if is_behind else 'ahead of'} {clock}"
         why = "only one of the two is simulated (see use_sim_time), or a clock is wrong"
         text = f"the stamps of {first_names([*offsets])} by {publisher} are {where}: {why}"
@@ -264,16 +263,16 @@ def _told_apart(stream: Stream, others: Sequence[Stream], recorded: bool) -> str
 def _of_stream(stream: Stream, name: str, limits: Limits, recorded: bool) -> Iterator[Finding]:
     """The rules for a dynamic stream."""
 
-    def found(kind: str, sentence: str, *numbers: float) -> Finding:
-        text = f"{name} {sentence.format(*map(three_digits, numbers))}"
-        return Finding(kind, stream.frame, text)
+    def found(kind: str, sentence: str) -> Finding:
+        return Finding(kind, stream.frame, f"{name} {sentence}")
 
     if stream.delay_min is not None and -stream.delay_min > limits.max_future:
-        yield found("future", "is stamped up to {} s ahead", -stream.delay_min)
+        yield found("future", f"is stamped up to {span(-stream.delay_min)} ahead")
     rate = stream.rate if recorded and stream.rate is not None else _rate_at_most(stream)
     wanted = limits.min_rate
     if wanted is not None and rate is not None and rate < wanted * (1 - limits.rate_margin):
-        yield found("rate", "is published at {} Hz; the minimum is {} Hz", rate, wanted)
+        hz, minimum = three_digits(rate), three_digits(wanted)
+        yield found("rate", f"is published at {hz} Hz; the minimum is {minimum} Hz")
     how, delay, allowed = "up to", stream.delay_max, limits.max_delay
     if allowed is None and stream.period is not None:
         allowed = max(limits.delay, limits.delay_periods * stream.period)
@@ -281,19 +280,18 @@ def _of_stream(stream: Stream, name: str, limits: Limits, recorded: bool) -> Ite
         stands_still = stream.stalled - stream.silence > allowed
         how, delay = "on average", None if stands_still else stream.delay
     if allowed is not None and delay is not None and delay > allowed:
-        sentence = f"is {how} {{}} s old when received; the limit is {{}} s"
-        yield found("delay", sentence, delay, allowed)
+        yield found("delay", f"is {how} {span(delay)} old when received; the limit is {span(allowed)}")
     if stream.period is None:
         return
-    usual = f"; its period is {three_digits(stream.period)} s"
+    usual = f"; its period is {span(stream.period)}"
     longest = max(limits.stale, limits.stale_periods * stream.period)
     if stream.silence > longest:
         since = "before the end" if recorded else "ago"
-        yield found("stale", f"was last received {{}} s {since}{usual}", stream.silence)
+        yield found("stale", f"was last received {span(stream.silence)} {since}{usual}")
     elif stream.stalled > longest:
-        yield found("stale", f"has had no newer stamp for {{}} s{usual}", stream.stalled)
+        yield found("stale", f"has had no newer stamp for {span(stream.stalled)}{usual}")
     if stream.count >= limits.gap_count and stream.gap > longest_interval(stream, limits):
-        yield found("gap", f"was not received for {{}} s{usual}", stream.gap)
+        yield found("gap", f"was not received for {span(stream.gap)}{usual}")
 
 
 def longest_interval(stream: Stream, limits: Limits) -> float:
@@ -432,7 +430,7 @@ class Received:
         often = max(count for *_, count in found.values())
         times = "" if often == 1 else f" {often} times, first"
         text = (
-            f"the stamps of {first_names(sorted(found))} went back{times} by {three_digits(back_ns / S)} s,"
+            f"the stamps of {first_names(sorted(found))} went back{times} by {span(back_ns / S)},"
             f" {self.when(at_ns)}: lookups mix what was recorded before and after; `start` and `end`, or"
             " --start and --end, separate them"
         )

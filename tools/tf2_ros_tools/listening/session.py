@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tf2_py import TransformException
 from tf2_ros import Buffer
-from tf2_ros_tools.common.output import counted, three_digits
+from tf2_ros_tools.common.output import counted, span
 from tf2_ros_tools.diagnosis.findings import Expectation, Finding, Limits, Received, find
 from tf2_ros_tools.diagnosis.stream_statistics import Refused, Stream, Streams, moving_on
 from tf2_ros_tools.diagnosis.texts import milliseconds
@@ -202,7 +202,7 @@ class Listening:
         several = f"/clock has {len(clocks)} publishers, {' and '.join(sorted(clocks))}"
         jump = self._streams.jump_back(now_ns)
         if jump is not None:
-            text = f"the clock jumped back by {three_digits(jump)} s{f': {several}' * (len(clocks) > 1)}"
+            text = f"the clock jumped back by {span(jump)}{f': {several}' * (len(clocks) > 1)}"
             yield Finding("clock", "", f"{text}; only later transforms are checked")
         elif len(clocks) > 1:
             yield Finding("clock", "", f"{several}: each jump between their times clears buffers")
@@ -215,7 +215,7 @@ class Listening:
         self, now_ns: int, publishers: Sequence[str], alive: Collection[int] | None
     ) -> list[Finding]:
         def ago(time_ns: int) -> str:
-            return f"{three_digits((now_ns - time_ns) / S)} s ago"
+            return f"{span((now_ns - time_ns) / S)} ago"
 
         values = self._recording.values()
         received = Received(self._streams.kept(now_ns), self.frames(), publishers, values, ago)

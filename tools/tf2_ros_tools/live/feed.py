@@ -15,7 +15,7 @@ from tf2_py.printable import printable
 from tf2_ros import Buffer
 from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages
-from tf2_ros_tools.common.output import counted, three_digits
+from tf2_ros_tools.common.output import counted, span
 from tf2_ros_tools.live.broadcaster import OWN, Broadcaster, StaticBroadcaster
 from tf2_ros_tools.live.transport import Publisher, Sender, Wire
 
@@ -326,9 +326,9 @@ class Feed:
             return ""
         self._warned_of_clock = True
         offset_s = min(delay for _, delay in self._delays) / S
-        differs = f"the clock of the robot is {three_digits(-offset_s)} s ahead of the clock of this machine"
+        differs = f"the clock of the robot is {span(-offset_s)} ahead of the clock of this machine"
         if offset_s > 0:
-            differs = f"messages arrive {three_digits(offset_s)} s after the robot sent them"
+            differs = f"messages arrive {span(offset_s)} after the robot sent them"
         return (
             f"{self._name}: {differs}, so max_age is off by as much. Synchronize the clocks, for example "
             "with chrony"
@@ -339,12 +339,12 @@ class Feed:
 
     def _why_missing(self, missing: list[_Topic], seconds: float) -> str:
         names = " or ".join(topic.name for topic in missing)
-        text = f"nothing has been received on {names} in {three_digits(seconds)} s"
+        text = f"nothing has been received on {names} in {span(seconds)}"
         heard = [topic for topic in self._topics if topic not in missing]
         if heard:
             messages = counted(heard[0].count, "message")
             received = f"{heard[0].name} is received ({messages})"
-            text = f"{received}, but nothing on {names} in {three_digits(seconds)} s"
+            text = f"{received}, but nothing on {names} in {span(seconds)}"
         return text + self._reasons(missing, seconds)
 
     def _silence(self, with_static: bool) -> str:
@@ -356,7 +356,7 @@ class Feed:
         parts = [f"on {topic.name}" for topic in missing]
         # Static transforms are sent once.
         if (last := heard[0][1]) is not None and last >= SILENT_S:
-            parts.append(f"on {heard[0][0].name} for {three_digits(last)} s")
+            parts.append(f"on {heard[0][0].name} for {span(last)}")
         if not parts:
             return ""
         return f"nothing has been received {' or '.join(parts)}{self._reasons(missing, SILENT_S)}"

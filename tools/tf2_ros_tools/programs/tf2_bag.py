@@ -29,7 +29,7 @@ from tf2_ros_tools.common.options import (
     positive_number,
     refuse_plot,
 )
-from tf2_ros_tools.common.output import counted, first_names, show, show_json, three_digits, write_whole
+from tf2_ros_tools.common.output import counted, first_names, show, show_json, span, write_whole
 from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, UsageError, run
 from tf2_ros_tools.diagnosis.check_options import add_check_options
 
@@ -175,14 +175,14 @@ def check(options: Namespace) -> int:
 
 
 def _what(said: Report) -> str:
-    return f"{counted(said.transforms, 'transform')}, {three_digits(said.seconds)} s"
+    return f"{counted(said.transforms, 'transform')}, {span(said.seconds)}"
 
 
 def _contents(topics: Sequence[RecordedTopic], start_ns: int | None, end_ns: int | None) -> Iterator[str]:
     if start_ns is not None and end_ns is not None:
         begin, end = start_ns / S, end_ns / S
         date = datetime.fromtimestamp(begin, timezone.utc)
-        length = f"{three_digits(end - begin)} s from {date:%Y-%m-%d %H:%M:%S} UTC"
+        length = f"{span(end - begin)} from {date:%Y-%m-%d %H:%M:%S} UTC"
         yield f"{begin:.3f} to {end:.3f} s ({length})"
     yield "topics:"
     for topic in topics:
@@ -190,7 +190,7 @@ def _contents(topics: Sequence[RecordedTopic], start_ns: int | None, end_ns: int
 
 
 def _gap(stream: Stream) -> str:
-    return "" if stream.static or stream.count < 2 else f", longest gap {three_digits(stream.gap)} s"
+    return "" if stream.static or stream.count < 2 else f", longest gap {span(stream.gap)}"
 
 
 def _size_of(path: str) -> int:

@@ -12,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tf2_ros_tools.common.options import add_live_option, positive_number
-from tf2_ros_tools.common.output import counted, three_digits
+from tf2_ros_tools.common.output import counted, span
 from tf2_ros_tools.common.program import Parser, run
 from tf2_ros_tools.diagnosis.check_options import add_check_options
 
@@ -98,7 +98,7 @@ def _lines(
     quiet = {one["node"] for one in publishers if one["node"]} - {one.publisher for one in report.streams}
     yield from (f"{name}: nothing has arrived" for name in sorted(quiet))
     if clock_offset is not None:
-        yield f"messages arrive at least {three_digits(clock_offset)} s after they were sent"
+        yield f"messages arrive at least {span(clock_offset)} after they were sent"
     if silence is not None and not any(one.kind in ("nothing", "qos") for one in report.findings):
         yield silence
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tf2_ros_tools.common.output import three_digits
+from tf2_ros_tools.common.output import span
 from tf2_ros_tools.diagnosis.findings import SAME_CLOCK_S, Expectation, Finding, Limits, Received, find
 from tf2_ros_tools.diagnosis.stream_statistics import Refused, Stream, Streams, without_delays
 
@@ -76,7 +76,7 @@ def report(
     judged = [replace(one, stalled=one.silence) if one.frame in advancing else one for one in streams]
     silence = 0.0 if heard.end_ns is None or static.all() else (heard.end_ns - now_ns) / S
     if silence > limits.stale:
-        text = f"no dynamic transform was received in the last {three_digits(silence)} s"
+        text = f"no dynamic transform was received in the last {span(silence)}"
         also.append(Finding("stale", "", text))
     found = find(judged, limits, expectations, refused=refused, recorded=True, also=also)
     begin, end = int(times.min()) / S, int(times.max()) / S

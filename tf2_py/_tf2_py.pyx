@@ -748,7 +748,7 @@ cdef class BufferCore(Engine):
                 query.source_ns = series.times_ns[answered]
             error = self.error(query, status)
             if answered != SERIES_BAD_NAME and status.code != STATUS_BAD_LIMIT:
-                error = type(error)(f"times[{answered}]: {error}")
+                error = _error_of_time(error, answered)
             raise error
         return 0
 
@@ -1286,7 +1286,14 @@ cdef tuple _times_and_missing(times, bint is_nan_wanted):
         return np.where(missing, present[0] if len(present) else 0, times_ns), missing
     if times_of[i] == INT64_MIN:
         raise ValueError(f"times[{i}]: expected a time, got NaT (the smallest int64): this stamp is not set")
-    raise OverflowError(f"times[{i}]: {no_stamp(times_of[i])}")
+    raise _error_of_time(OverflowError(no_stamp(times_of[i])), i)
+
+
+cdef object _error_of_time(object error, Py_ssize_t i):
+    # The attributes are for deskew, whose texts name a point instead.
+    found = type(error)(f"times[{i}]: {error}")
+    found._row, found._reason = i, str(error)
+    return found
 
 
 cdef bint _is_nan_wanted(on_missing) except -1:

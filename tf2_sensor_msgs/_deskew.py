@@ -3,7 +3,6 @@
 """Deskew a cloud: transform each point from where the sensor was when it measured that point."""
 
 import contextlib
-import re
 import time
 import warnings
 from typing import Any, Literal, NamedTuple
@@ -380,12 +379,11 @@ def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:
 
 def _require_target(motion: Motion) -> None:
     """Raise the error of the target time, if that is what fails at the time of every point."""
-    fixed_frame, target_time = motion.fixed["fixed_frame"], motion.fixed["target_time"]
-    one = Motion(motion.buffer, motion.target_frame, fixed_frame, {}, motion.policy)
+    target = motion.target_frame, motion.fixed["fixed_frame"], motion.fixed["target_time"]
     try:
-        one.matrices(np.array([target_time]))
+        BufferCore.lookup_matrix(motion.buffer, *target, **motion.policy)
     except TransformException as error:
-        raise type(error)(f"target_time: {str(error).removeprefix('times[0]: ')}") from None
+        raise type(error)(f"target_time: {error}") from None
 
 
 def _exact_poses(motion: Motion, cloud: PointCloud2, sweep: Sweep, on_missing: str) -> Poses:
@@ -402,12 +400,12 @@ def _exact_poses(motion: Motion, cloud: PointCloud2, sweep: Sweep, on_missing: s
     try:
         matrices[points] = motion.matrices(times[points], on_missing=on_missing)
     except (TransformException, OverflowError) as error:
-        failed = re.match(r"times\[(\d+)\]: ", str(error))
-        if failed is None:
+        failed: Any = error
+        if not hasattr(failed, "_row"):  # a frame is unknown, say
             raise
         if motion.fixed:
             _require_target(motion)
-        point = points[int(failed[1])]
+        point = points[failed._row]
         where, advice = f"times[{point}]", ""
         if field is not None:
             number = (int(times[point]) - field.base_ns) / field.unit.ns
@@ -415,5 +413,5 @@ def _exact_poses(motion: Motion, cloud: PointCloud2, sweep: Sweep, on_missing: s
             if sweep.is_long:
                 seconds = (sweep.last - sweep.first) / S
                 advice = f" (all times span {seconds:g} s: if they are not {field.unit.text}, pass time_unit)"
-        raise type(error)(f"{where}: {str(error)[failed.end() :]}{advice}") from None
+        raise type(error)(f"{where}: {failed._reason}{advice}") from None
     return Poses(None, matrices)

@@ -13,7 +13,6 @@ def do_transform_cloud(
     cloud: PointCloud2, transform: TransformStamped | Transform, *, only_xyz: bool = False
 ) -> PointCloud2: ...
 def as_bytes(data: Any) -> Any: ...
-def require_cloud(cloud: PointCloud2) -> None: ...
 
 class Span(NamedTuple):
     lowest: float
@@ -22,21 +21,24 @@ class Span(NamedTuple):
     finite: int
     large: int
 
-def find_span(cloud: PointCloud2, field: TimeField, needs_point: bool) -> Span: ...
-def read_times(
-    cloud: PointCloud2, field: TimeField | None, times: npt.NDArray[np.int64]
-) -> tuple[int, float]: ...
-def move_points(
-    cloud: PointCloud2,
-    new_stamp_ns: int,
-    frame_id: str,
-    is_dense: bool,
-    field: TimeField | None,
-    stored: float | None,
-    times: npt.NDArray[np.int64] | None,
-    knots_ns: npt.NDArray[np.int64] | None,
-    matrices: npt.NDArray[np.float64],
-) -> PointCloud2: ...
+class Points:
+    cloud: PointCloud2
+    def __init__(self, cloud: PointCloud2) -> None: ...
+    def __len__(self) -> int: ...
+    def find_span(self, field: TimeField, needs_point: bool) -> Span: ...
+    def read_times(self, field: TimeField | None, times: npt.NDArray[np.int64]) -> tuple[int, float]: ...
+    def moved(
+        self,
+        new_stamp_ns: int,
+        frame_id: str,
+        is_dense: bool,
+        field: TimeField | None,
+        stored: float | None,
+        times: npt.NDArray[np.int64] | None,
+        knots_ns: npt.NDArray[np.int64] | None,
+        matrices: npt.NDArray[np.float64],
+    ) -> PointCloud2: ...
+
 def transform_points(
     point_cloud: npt.ArrayLike, transform: TransformStamped | Transform
 ) -> npt.NDArray[Any]: ...

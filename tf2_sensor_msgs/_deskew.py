@@ -25,7 +25,7 @@ from tf2_py.typing import DurationLike, LookupPolicy, TimeLike, TimesLike, Unpac
 from tf2_ros import BufferCore, FrameInfo, LookupException, TransformException
 from tf2_ros._arguments import kind_of
 from tf2_ros._frame_prefix import frame_of
-from tf2_sensor_msgs._cloud import find_span, move_points, read_times, require_cloud
+from tf2_sensor_msgs._cloud import Points
 from tf2_sensor_msgs._time_field import KNOWN, NAMES, S, TimeField, Unit, find_time_field
 
 # A ROS stamp holds no more seconds than these. So a larger number in a `timestamp` is nanoseconds.
@@ -47,7 +47,7 @@ POINTS_PER_KNOT = 8
 
 
 class Poses(NamedTuple):
-    """Poses between which the points move steadily, as ``move_points`` takes them."""
+    """Poses between which the points move steadily, as ``Points.moved`` takes them."""
 
     knots: NDArray[np.int64] | None
     matrices: NDArray[np.float64]
@@ -61,11 +61,6 @@ class Motion(NamedTuple):
     source_frame: str
     fixed: dict[str, Any]  # fixed_frame and target_time, or nothing
     policy: LookupPolicy
-
-    def matrices(self, times: NDArray[np.int64], **how: Any) -> NDArray[np.float64]:
-        times = np.where(times == 0, NOT_LATEST_NS, times)
-        how = {**self.fixed, **how, **self.policy}
-        return BufferCore.lookup_matrices(self.buffer, *self.frames, times, **how)
 
     @property
     def frames(self) -> tuple[str, str]:
@@ -144,7 +139,7 @@ def deskew(
         raise TypeError(f"buffer: expected a tf2_ros.Buffer, got {type(buffer).__name__}")
     if not hasattr(cloud, "point_step"):
         raise MalformedObjectError(f"cloud: expected a sensor_msgs/PointCloud2, got {kind_of(cloud)}")
-    require_cloud(cloud)
+    points = Points(cloud)
     if on_missing not in ("raise", "nan"):
         raise ValueError(f"on_missing: expected 'raise' or 'nan', got {on_missing!r}")
     if on_missing == "nan":
@@ -165,33 +160,33 @@ def deskew(
         new_ns = _target_ns(buffer, target_frame, fixed_frame, target_time, stamp_ns, until_ns)
         fixed = {"fixed_frame": fixed_frame, "target_time": new_ns or NOT_LATEST_NS}
     motion = Motion(buffer, target_frame, source_frame, fixed, policy)
-    sweep = _read_sweep(cloud, stamp_ns, times, time_unit)
+    sweep = _read_sweep(points, stamp_ns, times, time_unit)
     if times is None and time_unit is None:
         _warn_if_short(sweep)
     if until_ns > time.monotonic_ns():
-        _wait(motion, _last_needed(cloud, sweep, stamp_ns), until_ns)
+        _wait(motion, _last_needed(sweep, stamp_ns), until_ns)
     poses = _steady_poses(motion, sweep)
     # A sensor that ends where it began may not have moved at all.
-    if sweep.size and (poses is None or (poses.matrices[0] == poses.matrices[-1]).all()):
+    if len(points) and (poses is None or (poses.matrices[0] == poses.matrices[-1]).all()):
         _require_motion(buffer, source_frame, target_frame, fixed_frame)
     is_dense = cloud.is_dense
     if poses is None:
-        poses = _exact_poses(motion, cloud, sweep, on_missing)
+        poses = _exact_poses(motion, sweep, on_missing)
         is_dense = is_dense and not np.isnan(poses.matrices[:, 0, 0]).any()
     stored = None
     if sweep.field is not None and fixed:
         stored = new_ns / sweep.field.unit.ns if sweep.field.unit.is_absolute else 0.0
-    return move_points(cloud, new_ns, target_frame, is_dense, sweep.field, stored, sweep.times, *poses)
+    return points.moved(new_ns, target_frame, is_dense, sweep.field, stored, sweep.times, *poses)
 
 
 class Sweep(NamedTuple):
     """The times of a cloud's points: in a field, or given."""
 
+    points: Points
     field: TimeField | None
     times: NDArray[np.int64] | None
     first: int  # ns, of the points with coordinates; later than `last` if there are none
     last: int
-    size: int  # points
     is_complete: bool  # each point with coordinates has a time
     longest: int  # ns, of a sweep without nonsense
 
@@ -201,41 +196,39 @@ class Sweep(NamedTuple):
 
 
 def _read_sweep(
-    cloud: PointCloud2, stamp_ns: int, times: TimesLike | None, time_unit: DurationLike | None
+    points: Points, stamp_ns: int, times: TimesLike | None, time_unit: DurationLike | None
 ) -> Sweep:
-    size = cloud.height * cloud.width
     if times is not None:
         given = as_times_ns(times, accepts_nat=True)
-        if len(given) != size:
-            raise ValueError(f"times: expected one for each of {size} points, got {len(given)}")
         needed = given.copy()
-        bad, _ = read_times(cloud, None, needed)
+        bad, _ = points.read_times(None, needed)
         needed = needed[needed != NO_TIME]
         first, last = (int(needed.min()), int(needed.max())) if len(needed) else (0, -1)
-        return Sweep(None, given, first, last, size, bad < 0, FAR_NS)
-    field, is_guess = find_time_field(cloud, stamp_ns, time_unit), time_unit is None
-    span = find_span(cloud, field, True)
+        return Sweep(points, None, given, first, last, bad < 0, FAR_NS)
+    field, is_guess = find_time_field(points.cloud, stamp_ns, time_unit), time_unit is None
+    span = points.find_span(field, True)
     # The new time is stored even where no point has coordinates.
-    voters = span if span.finite else find_span(cloud, field, False)
+    voters = span if span.finite else points.find_span(field, False)
     if is_guess and field.unit.is_absolute and voters.large and 2 * voters.large >= voters.finite:
         field = field._replace(unit=Unit(1, True))
     longest = LONG_NS if is_guess else FAR_NS
     if not span.finite:
-        return Sweep(field, None, 0, -1, size, span.points == 0, longest)
+        return Sweep(points, field, None, 0, -1, span.points == 0, longest)
     if is_guess:
         _require_likely(field, span.lowest, span.highest, stamp_ns)
     if not -FARTHEST_NS < span.lowest * field.unit.ns <= span.highest * field.unit.ns < FARTHEST_NS:
-        return Sweep(field, None, 0, -1, size, False, longest)
+        return Sweep(points, field, None, 0, -1, False, longest)
     first, last = field.time_ns(span.lowest), field.time_ns(span.highest)
-    return Sweep(field, None, first, last, size, span.finite == span.points, longest)
+    return Sweep(points, field, None, first, last, span.finite == span.points, longest)
 
 
 def _warn_if_short(sweep: Sweep) -> None:
-    if sweep.field is not None and sweep.size >= MANY_POINTS and 0 <= sweep.last - sweep.first < SHORT_NS:
+    size = len(sweep.points)
+    if sweep.field is not None and size >= MANY_POINTS and 0 <= sweep.last - sweep.first < SHORT_NS:
         name, unit = sweep.field.name, sweep.field.unit.text
         seconds = (sweep.last - sweep.first) / S
         warnings.warn(
-            f"deskew: the field {name} ({unit}) spans {seconds:g} s in {sweep.size} points, so hardly "
+            f"deskew: the field {name} ({unit}) spans {seconds:g} s in {size} points, so hardly "
             "any motion is corrected: the field may be unset, the cloud already deskewed, "
             "or the unit wrong (pass time_unit)",
             stacklevel=3,
@@ -333,19 +326,19 @@ def _timeout_ns(buffer: BufferCore, timeout: DurationLike) -> int:
     return timeout_ns
 
 
-def _last_needed(cloud: PointCloud2, sweep: Sweep, stamp_ns: int) -> int:
+def _last_needed(sweep: Sweep, stamp_ns: int) -> int:
     """The last time to wait for, which is not one far in the future; -1: none."""
     if sweep.is_complete and not sweep.is_long:
         return sweep.last
-    times, *_ = _all_times(cloud, sweep)
+    times, *_ = _all_times(sweep)
     latest = min(max(stamp_ns, sweep.first) + sweep.longest, np.iinfo(np.int64).max)
     return int(times.max(initial=-1, where=times <= latest))
 
 
-def _all_times(cloud: PointCloud2, sweep: Sweep) -> tuple[NDArray[np.int64], int, float]:
-    """The time of each point, and the first point that lacks one; see ``read_times``."""
-    times = np.empty(sweep.size, np.int64) if sweep.times is None else sweep.times.copy()
-    return times, *read_times(cloud, sweep.field, times)
+def _all_times(sweep: Sweep) -> tuple[NDArray[np.int64], int, float]:
+    """The time of each point, and the first point that lacks one; see ``Points.read_times``."""
+    times = np.empty(len(sweep.points), np.int64) if sweep.times is None else sweep.times.copy()
+    return times, *sweep.points.read_times(sweep.field, times)
 
 
 def _wait(motion: Motion, last: int, until_ns: int) -> None:
@@ -370,7 +363,7 @@ def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:
     if not sweep.is_complete or sweep.is_long or sweep.last < sweep.first:
         return None
     first, last = sweep.first or NOT_LATEST_NS, sweep.last or NOT_LATEST_NS
-    most = sweep.size // POINTS_PER_KNOT
+    most = len(sweep.points) // POINTS_PER_KNOT
     found = motion.buffer._poses_between(
         *motion.frames, first, last, TURN, MOVE, most, **motion.fixed, **motion.policy
     )
@@ -386,26 +379,28 @@ def _require_target(motion: Motion) -> None:
         raise type(error)(f"target_time: {error}") from None
 
 
-def _exact_poses(motion: Motion, cloud: PointCloud2, sweep: Sweep, on_missing: str) -> Poses:
+def _exact_poses(motion: Motion, sweep: Sweep, on_missing: str) -> Poses:
     """One pose for each point; NaN for points without a time."""
     field = sweep.field
-    times, bad, found = _all_times(cloud, sweep)
+    times, bad, found = _all_times(sweep)
     if bad >= 0 and on_missing == "raise":
         if field is None:
             raise ValueError(f"times[{bad}]: expected a time, got NaT (the smallest int64)")
         where, text = f"points[{bad}]", field.unit.text
         raise ValueError(f"{where}: expected a time in the field {field.name}, in {text}, got {found:g}")
-    matrices = np.full((sweep.size, 4, 4), np.nan)
-    [points] = np.nonzero(times != NO_TIME)
+    [timed] = np.nonzero(times != NO_TIME)
+    asked = np.where(times == 0, NOT_LATEST_NS, times)[timed]
+    how: dict[str, Any] = {"on_missing": on_missing, **motion.fixed, **motion.policy}
+    matrices = np.full((len(times), 4, 4), np.nan)
     try:
-        matrices[points] = motion.matrices(times[points], on_missing=on_missing)
+        matrices[timed] = BufferCore.lookup_matrices(motion.buffer, *motion.frames, asked, **how)
     except (TransformException, OverflowError) as error:
         failed: Any = error
         if not hasattr(failed, "_row"):  # a frame is unknown, say
             raise
         if motion.fixed:
             _require_target(motion)
-        point = points[failed._row]
+        point = timed[failed._row]
         where, advice = f"times[{point}]", ""
         if field is not None:
             number = (int(times[point]) - field.base_ns) / field.unit.ns

@@ -7,56 +7,9 @@
 cdef int64_t NO_TIME = INT64_MIN
 
 
-cdef int _read_time_field(object cloud, object times, Py_ssize_t point_step, TimeSource* out) except -1:
-    # `times`: a TimeField of _time_field.py; None: there is no field.
-    cdef Triples found
-    memset(out, 0, sizeof(TimeSource))
-    if times is None:
-        return 0
-    _read_coordinate(_fields_by_name(cloud)[times.name], times.name, point_step, &found, 0)
-    out.offset = found.offsets[0]
-    out.number = found.numbers[0]
-    if times.wraps and out.number == UINT32:
-        out.number = INT32
-    out.unit_ns = times.unit_ns
-    out.base_ns = times.base_ns
-    if bool(get_field(cloud_layout, cloud, "is_bigendian")) != IS_BIG_MACHINE:
-        out.number |= OTHER_ORDER
-    return 0
-
-
 cdef Transform IDENTITY
 memset(&IDENTITY, 0, sizeof(Transform))
 IDENTITY.rotation[3] = 1.0
-
-
-cdef int _read_points(object cloud, Py_ssize_t size, Grid* out) except -1:
-    # The grid, with the coordinates of the points.
-    _read_grid(cloud, size, out)
-    out.triple_count = 0
-    _add_triples(cloud, _fields_by_name(cloud), COORDINATES, &IDENTITY, True, out)
-    out.triples[0].step = out.point_step
-    return 0
-
-
-def require_cloud(cloud):
-    """
-    Require what a PointCloud2 has, but for the contents of ``data``.
-
-    :raises MalformedObjectError: an attribute of the cloud, its header or one of its fields is missing.
-    :raises TypeError: a size is not an int.
-    :raises ValueError: a size is negative or too large.
-    """
-    for name in ("height", "width", "point_step", "row_step"):
-        _whole(cloud, cloud_layout, name)
-    for name in ("data", "is_bigendian", "is_dense"):
-        get_field(cloud_layout, cloud, name)
-    header = get_field(cloud_layout, cloud, "header")
-    for name in ("stamp", "frame_id"):
-        get_field(header_layout, header, name)
-    for field in get_field(cloud_layout, cloud, "fields"):
-        for name in ("name", "datatype"):
-            get_field(field_layout, field, name)
 
 
 class Span(NamedTuple):
@@ -102,32 +55,6 @@ cdef Py_ssize_t _quick_points(const Grid* grid, Py_ssize_t count) noexcept nogil
     return count if grid.point_step - triples.offsets[2] >= 8 else count - 1
 
 
-def find_span(cloud, field, bint needs_point):
-    """
-    Read the numbers in a field of times, once.
-
-    :param field: a ``TimeField``.
-    :param needs_point: omit points without coordinates.
-    """
-    cdef Grid grid
-    cdef Py_buffer source
-    cdef TimeSource at
-    cdef FieldSpan span
-    cdef Py_ssize_t row
-    memset(&span, 0, sizeof(FieldSpan))
-    span.lowest, span.highest = INFINITY, -INFINITY
-    _get_bytes(get_field(cloud_layout, cloud, "data"), &source)
-    try:
-        _read_points(cloud, source.len, &grid)
-        _read_time_field(cloud, field, grid.point_step, &at)
-        with nogil:
-            for row in range(grid.rows if grid.columns > 0 else 0):
-                _extend_span(<const char*>source.buf + row * grid.row_step, &grid, &at, needs_point, &span)
-    finally:
-        PyBuffer_Release(&source)
-    return Span(span.lowest, span.highest, span.points, span.finite, span.large)
-
-
 cdef bint _time_of(const char* point, const TimeSource* field, int64_t* out) noexcept nogil:
     # The time of a point in ns; False if the number is not one. The limit of 2^62 ns, 146 years, leaves room
     # for the time that 0 means.
@@ -150,54 +77,26 @@ cdef bint _has_nan(const char* point, const Triples* triples) noexcept nogil:
     return False
 
 
-def read_times(cloud, field, cnp.ndarray times):
-    """
-    Read the time of each point of a cloud that has three coordinates.
-
-    :param field: a ``TimeField``; None: ``times`` holds the times already.
-    :param times: int64 nanoseconds, one for each point, row by row; receives the times, and the least integer
-        where a point has none.
-    :return: the index of the first point that has coordinates, but whose time is not a number, or -1; and
-        what is there instead.
-    """
-    cdef Grid grid
-    cdef Py_buffer source
-    cdef TimeSource at
-    cdef int64_t* times_ns = <int64_t*>cnp.PyArray_DATA(times)
+cdef Py_ssize_t _read_times(const char* points, const Grid* grid, const TimeSource* field, int64_t* times_ns,
+                            double* bad_value) noexcept nogil:
+    # The first point that has coordinates, but no time, or -1.
     cdef Py_ssize_t bad = -1
-    cdef double bad_value = NAN
     cdef Py_ssize_t row, column, i
     cdef const char* point
-    _get_bytes(get_field(cloud_layout, cloud, "data"), &source)
-    try:
-        _read_points(cloud, source.len, &grid)
-        _require_times(&grid, times)
-        _read_time_field(cloud, field, grid.point_step, &at)
-        with nogil:
-            for row in range(grid.rows if grid.columns > 0 else 0):
-                for column in range(grid.columns):
-                    i = row * grid.columns + column
-                    point = <const char*>source.buf + row * grid.row_step + column * grid.point_step
-                    if _has_nan(point, &grid.triples[0]):
-                        times_ns[i] = NO_TIME
-                        continue
-                    if at.number and not _time_of(point, &at, &times_ns[i]):
-                        times_ns[i] = NO_TIME
-                        if bad < 0:
-                            bad_value = number_load(point + at.offset, at.number)
-                    if times_ns[i] == NO_TIME:
-                        bad = i if bad < 0 else bad
-    finally:
-        PyBuffer_Release(&source)
-    return bad, bad_value
-
-
-cdef int _require_times(const Grid* grid, cnp.ndarray times) except -1:
-    if cnp.PyArray_DIM(times, 0) != grid.rows * grid.columns:
-        raise ValueError(
-            f"times: expected one for each of {grid.rows * grid.columns} points, got {len(times)}"
-        )
-    return 0
+    for row in range(grid.rows if grid.columns > 0 else 0):
+        for column in range(grid.columns):
+            i = row * grid.columns + column
+            point = points + row * grid.row_step + column * grid.point_step
+            if _has_nan(point, &grid.triples[0]):
+                times_ns[i] = NO_TIME
+                continue
+            if field.number and not _time_of(point, field, &times_ns[i]):
+                times_ns[i] = NO_TIME
+                if bad < 0:
+                    bad_value[0] = number_load(point + field.offset, field.number)
+            if times_ns[i] == NO_TIME:
+                bad = i if bad < 0 else bad
+    return bad
 
 
 cdef struct PointPoses:
@@ -288,14 +187,15 @@ cdef void _store_number(char* points, Py_ssize_t count, Py_ssize_t step, const T
     cdef char number[8]
     cdef Py_ssize_t size = number_size(field.number)
     cdef Py_ssize_t i
+    points += field.offset
     number_store(number, field.number, stored)
     for i in range(count):
         if size == 4:   # sizes that the compiler knows
-            memcpy(points + i * step + field.offset, number, 4)
+            memcpy(points + i * step, number, 4)
         elif size == 8:
-            memcpy(points + i * step + field.offset, number, 8)
+            memcpy(points + i * step, number, 8)
         else:
-            memcpy(points + i * step + field.offset, number, size)
+            memcpy(points + i * step, number, size)
 
 
 cdef void _move_points(const char* source, char* target, const Grid* grid, PointPoses* poses, bint store,
@@ -341,76 +241,183 @@ cdef void _fill_knots(const int64_t* knots_ns, const double* matrices, Py_ssize_
     memset(slopes + 16 * (count - 1), 0, 16 * sizeof(double))
 
 
-def move_points(
-    cloud,
-    int64_t new_stamp_ns,
-    str frame_id,
-    is_dense,
-    field,
-    stored,
-    cnp.ndarray times,
-    cnp.ndarray knots_ns,
-    cnp.ndarray matrices,
-):
-    """
-    Make a cloud in which each point is moved by the pose of its own time.
-
-    :param new_stamp_ns: of the new cloud, which is in ``frame_id``.
-    :param field: the ``TimeField`` with the times; None: there is none.
-    :param stored: a number that each point gets in that field; None: they keep theirs.
-    :param times: int64 nanoseconds, one for each point, instead of the field; None: use the field.
-    :param knots_ns: int64 nanoseconds, ascending: the times of the poses, between which they change steadily;
-        None: there is one pose for each point.
-    :param matrices: of these poses: float64, shape (K, 4, 4), contiguous.
-    """
-    cdef Grid grid
-    cdef Py_buffer source
-    cdef PointPoses poses
-    cdef array.array data
+cdef object _knots_of(cnp.ndarray knots_ns, PointPoses* poses):
+    # Replaces the matrices by steady motions between these times; the poses refer to what is returned.
+    cdef Py_ssize_t count = len(knots_ns)
+    cdef const int64_t* times_ns = <const int64_t*>cnp.PyArray_DATA(knots_ns)
+    cdef cnp.ndarray knots = np.empty(33 * count)
+    cdef double* numbers = <double*>cnp.PyArray_DATA(knots)
+    cdef TimeSource* field = &poses.field
     cdef int64_t whole
-    cdef bint store = stored is not None
-    cdef double value = stored if store else 0.0
-    cdef cnp.ndarray knots
-    cdef double* numbers
-    cdef Py_ssize_t count = len(matrices)
-    cdef int i
-    header = new_header(new_stamp_ns, frame_id)
-    poses.times_ns = NULL if times is None else <const int64_t*>cnp.PyArray_DATA(times)
-    poses.matrices = <const double*>cnp.PyArray_DATA(matrices)
-    poses.base_ns = 0
-    if knots_ns is not None:
-        poses.base_ns = (<const int64_t*>cnp.PyArray_DATA(knots_ns))[0]
-        knots = np.empty(33 * count)
-        numbers = <double*>cnp.PyArray_DATA(knots)
-        _fill_knots(<const int64_t*>cnp.PyArray_DATA(knots_ns), poses.matrices, count, numbers,
-                    numbers + 16 * count, numbers + 32 * count)
-        poses.matrices = NULL
-        poses.knots.columns = numbers
-        poses.knots.slopes = numbers + 16 * count
-        poses.knots.ns = numbers + 32 * count
-        poses.knots.last = count - 1
-    _get_bytes(get_field(cloud_layout, cloud, "data"), &source)
-    try:
-        _read_points(cloud, source.len, &grid)
-        if times is not None:
-            _require_times(&grid, times)
-        if poses.matrices != NULL:
-            _require_times(&grid, matrices)
-        _read_time_field(cloud, field, grid.point_step, &poses.field)
-        if field is not None:
-            if poses.field.number & ~<int>OTHER_ORDER == FLOAT64:
-                # Exact, also for a time since 1970: the digits before the first knot are not multiplied.
-                poses.field.minus = <double>((poses.base_ns - poses.field.base_ns) // poses.field.unit_ns)
-            poses.field.times = <double>poses.field.unit_ns
-            whole = <int64_t>poses.field.minus * poses.field.unit_ns
-            poses.field.plus = <double>(poses.field.base_ns + whole - poses.base_ns)
-        _add_directions(cloud, _fields_by_name(cloud), &IDENTITY, &grid)
-        for i in range(grid.triple_count):
-            grid.triples[i].step = grid.point_step
-        data = array.clone(NO_BYTES, grid.new_size, False)
-        if grid.new_size > 0:
-            with nogil:
-                _move_points(<const char*>source.buf, data.data.as_chars, &grid, &poses, store, value)
-    finally:
+    _fill_knots(times_ns, poses.matrices, count, numbers, numbers + 16 * count, numbers + 32 * count)
+    poses.matrices = NULL
+    poses.knots.columns = numbers
+    poses.knots.slopes = numbers + 16 * count
+    poses.knots.ns = numbers + 32 * count
+    poses.knots.last = count - 1
+    poses.base_ns = times_ns[0]
+    if field.number & ~<int>OTHER_ORDER == FLOAT64:
+        # Exact, also for a time since 1970: the digits before the first knot are not multiplied.
+        field.minus = <double>((poses.base_ns - field.base_ns) // field.unit_ns)
+    field.times = <double>field.unit_ns
+    whole = <int64_t>field.minus * field.unit_ns
+    field.plus = <double>(field.base_ns + whole - poses.base_ns)
+    return knots
+
+
+cdef class Points:
+    """
+    The points of a cloud, whose layout is validated once.
+
+    :raises MalformedObjectError: an attribute of the cloud, its header or one of its fields is missing.
+    :raises TypeError, ValueError: as by :func:`do_transform_cloud`.
+    """
+
+    cdef readonly object cloud
+    cdef object data
+    cdef dict fields
+    cdef Grid grid
+
+    def __cinit__(self, cloud):
+        cdef Py_buffer source
+        cdef int i
+        header = get_field(cloud_layout, cloud, "header")
+        for name in ("stamp", "frame_id"):
+            get_field(header_layout, header, name)
+        get_field(cloud_layout, cloud, "is_dense")
+        self.cloud, self.fields = cloud, _fields_by_name(cloud)
+        for field in get_field(cloud_layout, cloud, "fields"):
+            get_field(field_layout, field, "datatype")
+        _get_bytes(get_field(cloud_layout, cloud, "data"), &source)
+        self.data, size = <object>source.obj, source.len
         PyBuffer_Release(&source)
-    return _new_cloud(cloud, header, &grid, data, is_dense)
+        _read_grid(cloud, size, &self.grid)
+        self.grid.triple_count = 0
+        _add_triples(cloud, self.fields, COORDINATES, &IDENTITY, True, &self.grid)
+        _add_directions(cloud, self.fields, &IDENTITY, &self.grid)
+        for i in range(self.grid.triple_count):
+            self.grid.triples[i].step = self.grid.point_step
+
+    def __len__(self):
+        return self.grid.rows * self.grid.columns
+
+    cdef int _get_data(self, Py_buffer* source) except -1:
+        # Not for longer than a loop: an error keeps what belongs to the call, and memory that has a view can
+        # be neither unmapped nor resized.
+        _get_bytes(self.data, source)
+        if source.len != self.grid.size:
+            PyBuffer_Release(source)
+            raise SizeError(f"data had {self.grid.size} bytes when deskew began, but now has {source.len}")
+        return 0
+
+    cdef int _read_time_field(self, object field, TimeSource* out) except -1:
+        # `field`: a TimeField of _time_field.py; None: there is none.
+        cdef Triples found
+        memset(out, 0, sizeof(TimeSource))
+        if field is None:
+            return 0
+        _read_coordinate(self.fields[field.name], field.name, self.grid.point_step, &found, 0)
+        out.offset = found.offsets[0]
+        out.number = found.numbers[0]
+        if field.wraps and out.number == UINT32:
+            out.number = INT32
+        out.number |= self.grid.triples[0].numbers[0] & OTHER_ORDER     # the byte order is that of x
+        out.unit_ns = field.unit_ns
+        out.base_ns = field.base_ns
+        return 0
+
+    cdef int _require_one_each(self, cnp.ndarray numbers) except -1:
+        if cnp.PyArray_DIM(numbers, 0) != len(self):
+            raise ValueError(f"times: expected one for each of {len(self)} points, got {len(numbers)}")
+        return 0
+
+    def find_span(self, field, bint needs_point):
+        """
+        Read the numbers in a field of times, once.
+
+        :param field: a ``TimeField``.
+        :param needs_point: omit points without coordinates.
+        """
+        cdef Py_buffer source
+        cdef TimeSource at
+        cdef FieldSpan span
+        cdef Py_ssize_t row
+        memset(&span, 0, sizeof(FieldSpan))
+        span.lowest, span.highest = INFINITY, -INFINITY
+        self._read_time_field(field, &at)
+        self._get_data(&source)
+        with nogil:
+            for row in range(self.grid.rows if self.grid.columns > 0 else 0):
+                _extend_span(<const char*>source.buf + row * self.grid.row_step, &self.grid, &at, needs_point,
+                             &span)
+        PyBuffer_Release(&source)
+        return Span(span.lowest, span.highest, span.points, span.finite, span.large)
+
+    def read_times(self, field, cnp.ndarray times):
+        """
+        Read the time of each point that has three coordinates.
+
+        :param field: a ``TimeField``; None: ``times`` holds the times already.
+        :param times: int64 nanoseconds, one for each point, row by row; receives the times, and the least
+            integer where a point has none.
+        :return: the index of the first point that has coordinates, but whose time is not a number, or -1; and
+            what is there instead.
+        """
+        cdef Py_buffer source
+        cdef TimeSource at
+        cdef int64_t* times_ns = <int64_t*>cnp.PyArray_DATA(times)
+        cdef Py_ssize_t bad
+        cdef double bad_value = NAN
+        self._require_one_each(times)
+        self._read_time_field(field, &at)
+        self._get_data(&source)
+        with nogil:
+            bad = _read_times(<const char*>source.buf, &self.grid, &at, times_ns, &bad_value)
+        PyBuffer_Release(&source)
+        return bad, bad_value
+
+    def moved(
+        self,
+        int64_t new_stamp_ns,
+        str frame_id,
+        is_dense,
+        field,
+        stored,
+        cnp.ndarray times,
+        cnp.ndarray knots_ns,
+        cnp.ndarray matrices,
+    ):
+        """
+        Make a cloud in which each point is moved by the pose of its own time.
+
+        :param new_stamp_ns: of the new cloud, which is in ``frame_id``.
+        :param field: the ``TimeField`` with the times; None: there is none.
+        :param stored: a number that each point gets in that field; None: they keep theirs.
+        :param times: int64 nanoseconds, one for each point, instead of the field; None: use the field.
+        :param knots_ns: int64 nanoseconds, ascending: the times of the poses, between which they change
+            steadily; None: there is one pose for each point.
+        :param matrices: of these poses: float64, shape (K, 4, 4), contiguous.
+        """
+        cdef Py_buffer source
+        cdef PointPoses poses
+        cdef array.array data
+        cdef bint store = stored is not None
+        cdef double value = stored if store else 0.0
+        header = new_header(new_stamp_ns, frame_id)
+        self._read_time_field(field, &poses.field)
+        poses.times_ns = NULL
+        if times is not None:
+            self._require_one_each(times)
+            poses.times_ns = <const int64_t*>cnp.PyArray_DATA(times)
+        poses.matrices = <const double*>cnp.PyArray_DATA(matrices)
+        if knots_ns is None:
+            self._require_one_each(matrices)
+        else:
+            knots = _knots_of(knots_ns, &poses)      # whose memory the poses refer to
+        data = array.clone(NO_BYTES, self.grid.new_size, False)
+        self._get_data(&source)
+        if self.grid.new_size > 0:
+            with nogil:
+                _move_points(<const char*>source.buf, data.data.as_chars, &self.grid, &poses, store, value)
+        PyBuffer_Release(&source)
+        return _new_cloud(self.cloud, header, &self.grid, data, is_dense)

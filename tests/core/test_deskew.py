@@ -3,6 +3,7 @@
 """Deskewing: each point of a cloud is moved from where the sensor was when it measured that point."""
 
 import array
+import mmap
 import threading
 import warnings
 from fractions import Fraction
@@ -845,6 +846,22 @@ def test_bytes_that_change_meanwhile_do_no_harm(buffer, driver):
     finally:
         stop.set()
         thread.join()
+
+
+def test_data_that_shrinks_during_the_wait_is_refused(monkeypatch):
+    cloud, buffer = measured("ouster")[0], sampled_at(0, SWEEP)
+    monkeypatch.setattr(buffer, "lookup_transform", lambda *_: cloud.data.pop())
+    with pytest.raises(ValueError, match="^data had 192000 bytes when deskew began, but now has 191999$"):
+        deskew(cloud, buffer, "odom", timeout=DEADLINE_S)
+
+
+def test_an_error_that_is_kept_does_not_keep_the_memory_of_the_cloud():
+    cloud, _, _ = measured("ouster")
+    with mmap.mmap(-1, len(cloud.data)) as shared:
+        shared[:], cloud._data = cloud.data, shared
+        with pytest.raises(ExtrapolationException) as error:
+            deskew(cloud, sampled_at(0, 1), "odom")
+    assert shared.closed and str(error.value).startswith("points[1], t = ")
 
 
 # How it is done.

@@ -189,6 +189,20 @@ def test_data_in_every_form_is_read_and_deskewed(cloud, way):
     assert tf2.deskew(cloud, buffer, "map", times=times) == moved
 
 
+def test_deskew_copies_the_memory_of_a_device_once(cloud):
+    copies, buffer = [], BufferCore()
+    buffer.set_transform_static(transform("map", "base"), "test")
+
+    class Counting(DeviceBuffer):
+        def to_bytes(self):
+            copies.append(super().to_bytes())
+            return copies[-1]
+
+    cloud._data = Counting(cloud.data)
+    tf2.deskew(cloud, buffer, "map", times=np.full(cloud.width * cloud.height, S))
+    assert len(copies) == 1
+
+
 class Elsewhere:
     """Neither bytes, nor numbers, nor a way to get them."""
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from tempfile import TemporaryFile
 from typing import NamedTuple
 
+from rich.cells import cell_len
 from rich.text import Text
 from textual.app import App, ComposeResult
 from textual.binding import Binding
@@ -271,15 +272,11 @@ class _Screen(App[None]):
         # None: the first row, which stays highlighted.
         chosen = _key_of(self._rows[table.cursor_row]) if table.cursor_row > 0 else None
         columns = TREE_COLUMNS if self._order == "tree" else COLUMNS
-        is_other = columns != self._columns
-        # The names of a deep tree would leave no place for the other columns.
-        table.fixed_columns = 0 if self._order == "tree" else 1
+        is_other, self._columns = columns != self._columns, columns
         x, y = (0, 0) if is_other else table.scroll_offset
-        table.clear(columns=is_other)
-        if is_other:
-            self._columns = columns
-            for column in columns:
-                table.add_column(_cell(column, column))
+        table.clear(columns=True)  # which would stay as wide as names that are no longer there
+        for column in columns:
+            table.add_column(_cell(column, column))
         # Back at once: after the next refresh, it would undo what a key scrolls meanwhile.
         table.scroll_to(x, y, animate=False, force=True, immediate=True)
         self._rows = rows
@@ -287,6 +284,9 @@ class _Screen(App[None]):
             style = "bold red" if kinds[row.frame] else ""
             texts = _texts(row, kinds[row.frame], self._infos.get(row.frame), self._report.time)
             table.add_row(*(_cell(printable(texts.get(one, "")), one, style) for one in columns))
+        # Beside long names or in a deep tree, the other columns would not be within reach.
+        widest = max((cell_len(printable(row.frame)) + 2 * row.depth for row in rows), default=0)
+        table.fixed_columns = 1 if 2 * widest <= table.size.width else 0
         place = next((number for number, row in enumerate(rows) if _key_of(row) == chosen), 0)
         table.move_cursor(row=place, scroll=is_other)
 

@@ -127,7 +127,6 @@ def played(*streams, ages=(), findings=(), chain=None, keys=()):
         screen = _Screen(lambda: report, lambda: infos, "here")
         async with screen.run_test(size=(80, 24)) as pilot:
             await pilot.press(*keys)
-            await pilot.pause()
             table, problems = screen.query_one(DataTable), screen.query_one(VerticalScroll)
             rows = [table.get_row_at(row) for row in range(table.row_count)]
             return (

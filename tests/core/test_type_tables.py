@@ -64,18 +64,21 @@ def test_a_function_of_the_table_has_its_line_in_the_stub_beside_its_source(pack
 
 
 def test_the_documentation_lists_the_types_of_the_tables():
-    page = root_of("tf2_ros") / "docs" / "message-types.md"
-    rows = re.findall(
-        r"^\| `(\w+)` \| (.*) \| (.*) \| `(\w+)` \|$", page.read_text(encoding="utf-8"), re.MULTILINE
-    )
-    listed = {
-        (package, messages, name, stamped)
-        for messages, *columns, package in rows
-        for names, stamped in zip(columns, (True, False), strict=True)
-        for name in re.findall(r"`(\w+)`", names)
-    }
-    assert listed == {
-        (package, cls.__module__.partition(".")[0], cls.__name__, hasattr(cls, "header"))
+    page = "docs/message-types.md"
+    listed, rows = set(), {}
+    for number, line in enumerate((root_of("tf2_ros") / page).read_text(encoding="utf-8").splitlines(), 1):
+        if row := re.fullmatch(r"\| `(\w+)` \| (.*) \| (.*) \| `(\w+)` \|", line):
+            messages, *columns, package = row.groups()
+            rows[messages, package] = number
+            for names, has_header in zip(columns, (True, False), strict=True):
+                listed |= {(messages, package, name, has_header) for name in re.findall(r"`(\w+)`", names)}
+    registered = {
+        (cls.__module__.partition(".")[0], package, cls.__name__, hasattr(cls, "header"))
         for package, table in TABLES.items()
         for cls in table
     }
+    for messages, package, name, has_header in sorted(registered - listed):
+        where = f"line {rows[messages, package]}" if (messages, package) in rows else f"a row of `{messages}`"
+        pytest.fail(f"{page}, {where}: add `{name}` to the types with{'' if has_header else 'out'} a header")
+    for messages, package, name, _ in sorted(listed - registered):
+        pytest.fail(f"{page}, line {rows[messages, package]}: `{name}` is not registered by {package}")

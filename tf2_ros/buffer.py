@@ -176,7 +176,8 @@ class Buffer(BufferCore, BufferInterface):
 
         Another object may be assigned whose ``now()`` returns a time.
         """
-        return None if self._tf2_clock is None else self._tf2_clock.clock
+        found: Any = None if self._tf2_clock is None else self._tf2_clock.clock
+        return found  # a program may have assigned None, or a clock of its own
 
     @clock.setter
     def clock(self, clock: Any) -> None:

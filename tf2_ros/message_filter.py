@@ -37,7 +37,6 @@ from tf2_ros._process.background import background, check_regularly
 from tf2_ros._process.forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._rclpy import destroy_subscription, is_node
 from tf2_ros._registration import stamped_class
-from tf2_ros._wait import call_queue
 from tf2_ros._wait.call_runners import ExecutorRunner, call_queue_of
 from tf2_ros._wait.filtered_messages import FilterCalls, FilteredMessage
 from tf2_ros._wait.futures import WakingFuture
@@ -389,13 +388,13 @@ class MessageFilter(Generic[_Message]):
         topic: str = self._subscription.topic_name
         if self._call_queue.is_served() or not self._node.count_publishers(topic):
             self._unserved_from_ns = now_ns
-        elif now_ns - self._unserved_from_ns > call_queue.WARN_S * 1e9:
+        elif self._call_queue.is_late(self._unserved_from_ns):
             self._has_warned_of_node = True
             frames = printable(" ".join(self._frames))
             why = self._call_queue.runner.why_late(self._node.get_fully_qualified_name())
             log.logger("tf2_ros").warning(
                 f"MessageFilter [target={frames}] has taken no message of {printable(topic)} for "
-                f"{call_queue.WARN_S:g} s: {why}"
+                f"{(now_ns - self._unserved_from_ns) / 1e9:.0f} s: {why}"
             )
 
     def _begin(self, queued: FilteredMessage) -> None:

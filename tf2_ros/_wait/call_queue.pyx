@@ -143,6 +143,10 @@ cdef class CallQueue:
         """Whether calls are made soon: an executor or a loop has the node, though a callback may block it."""
         return not self.has_ended() and self.runner.is_running()
 
+    def is_late(self, int64_t waits_from_ns):
+        """Whether what has waited for the executor or loop since this steady time is worth a warning."""
+        return monotonic_ns() - waits_from_ns > WARN_S * 1e9
+
     def _tf2_check(self):
         """Drop the calls if the node has ended; warn if they have waited for long."""
         node = self.node()
@@ -161,7 +165,7 @@ cdef class CallQueue:
                 self.close(f"the node [{self._name}] was destroyed")
         elif self.calls:
             self.runner.wake()      # a signal handler may have raised in `put`
-            if not self._has_warned and monotonic_ns() - self._waits_from_ns > WARN_S * 1e9:
+            if not self._has_warned and self.is_late(self._waits_from_ns):
                 self._has_warned = True
                 why = self.runner.why_late(self._name)
                 log.logger("tf2_ros").warning(f"Callbacks of tf2 have been waiting for {WARN_S:g} s: {why}")

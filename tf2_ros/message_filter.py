@@ -32,7 +32,7 @@ from tf2_py.printable import counted, printable
 from tf2_py.typing import DurationLike, LookupPolicy, TypeVarTuple, Unpack
 from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable
 from tf2_ros._frame_prefix import frame_of, valid_prefix
-from tf2_ros._nodes.ended_nodes import node_has_ended, require_node
+from tf2_ros._nodes.ended_nodes import node_has_ended, require_node, suppress_at_end
 from tf2_ros._process.background import background, check_regularly
 from tf2_ros._process.forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._rclpy import destroy_subscription, is_node
@@ -382,20 +382,23 @@ class MessageFilter(Generic[_Message]):
 
     def _tf2_check(self) -> None:
         """Warn, once, if the topic is published but nothing spins the node, which would take its messages."""
-        now_ns = time.monotonic_ns()
         if self._closed or self._has_warned_of_node or self._call_queue.has_ended():
             return
-        topic: str = self._subscription.topic_name
-        if self._call_queue.is_served() or not self._node.count_publishers(topic):
-            self._unserved_from_ns = now_ns
-        elif self._call_queue.is_late(self._unserved_from_ns):
-            self._has_warned_of_node = True
-            frames = printable(" ".join(self._frames))
-            why = self._call_queue.runner.why_late(self._node.get_fully_qualified_name())
-            log.logger("tf2_ros").warning(
-                f"MessageFilter [target={frames}] has taken no message of {printable(topic)} for "
-                f"{(now_ns - self._unserved_from_ns) / 1e9:.0f} s: {why}"
-            )
+        with suppress_at_end(self._node):
+            topic = self._subscription.topic_name
+            if self._call_queue.is_served() or not self._node.count_publishers(topic):
+                self._unserved_from_ns = time.monotonic_ns()
+            elif self._call_queue.is_late(self._unserved_from_ns):
+                self._has_warned_of_node = True
+                self._warn_that_nobody_spins(topic)
+
+    def _warn_that_nobody_spins(self, topic: str) -> None:
+        frames, waited_ns = printable(" ".join(self._frames)), time.monotonic_ns() - self._unserved_from_ns
+        why = self._call_queue.runner.why_late(self._node.get_fully_qualified_name())
+        log.logger("tf2_ros").warning(
+            f"MessageFilter [target={frames}] has taken no message of {printable(topic)} for "
+            f"{waited_ns / 1e9:.0f} s: {why}"
+        )
 
     def _begin(self, queued: FilteredMessage) -> None:
         stamp_ns = queued.stamp_ns

@@ -462,6 +462,15 @@ class TestInput:
         script.filter._tf2_check()
         assert "has taken no message" in errors_so_far()
 
+    def test_a_check_while_the_node_ends_is_silent(self, make, new_node, monkeypatch):
+        script = make(input=(PointStamped, "points", 10))
+        node = script.filter._node
+        # It ends after the check has asked for that.
+        monkeypatch.setattr(
+            node, "count_publishers", lambda topic: node.destroy_node() or node.handle.__enter__()
+        )
+        script.filter._tf2_check()
+
     def test_a_filter(self, make):
         subscriber = Subscriber()
         script = make(input=subscriber)

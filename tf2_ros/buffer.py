@@ -506,14 +506,18 @@ def _check_node(node: "Node") -> None:
     require_node("Buffer", node, "create_service")
 
 
+# A clock has only the addresses of its jump handles, and calls them. So each is kept until it is
+# unregistered, even if a signal handler raises in the finalizer of its buffer.
+_registered: "set[JumpHandle]" = set()
+
+
 def _clear_at_jumps(buffer: Any) -> "JumpHandle":
     """
     Call a buffer's ``time_jump_callback`` when its clock jumps back, or when simulated time is switched.
 
     :return: a handle that ends this; the end of the buffer does so, too.
     """
-    # The clock has only the address of the handle, so that must be unregistered before it is destroyed,
-    # and the handle must not keep the buffer alive.
+    # The handle must not keep the buffer alive.
     reference = weakref.ref(buffer)
 
     def on_jump(time_jump: "TimeJump") -> None:
@@ -532,6 +536,7 @@ def _clear_at_jumps(buffer: Any) -> "JumpHandle":
     back = Duration(seconds=-JUMP_BACK_S)
     threshold = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
     handle = buffer.clock.create_jump_callback(threshold, post_callback=on_jump)
+    _registered.add(handle)
     weakref.finalize(buffer, _unregister, handle).atexit = False
     return handle
 
@@ -539,3 +544,4 @@ def _clear_at_jumps(buffer: Any) -> "JumpHandle":
 def _unregister(handle: "JumpHandle") -> None:
     with suppress(InvalidHandle):  # an AsyncNode destroys its clock
         handle.unregister()
+    _registered.discard(handle)

@@ -5,11 +5,14 @@
 import gc
 import operator
 import signal
+import sys
 import time
+import weakref
 from collections import deque
 
 import pytest
 from geometry_msgs.msg import PointStamped
+from rclpy.clock import JumpHandle
 from simulated_clock import simulate
 from times_and_transforms import S, insert, transform
 
@@ -113,3 +116,21 @@ def test_out_of_calls_with_changes(tf2_ros, clocked, alarms):
 
     assert alarms(change) == SIGNALS
     assert len(changes) > SIGNALS
+
+
+def test_a_clock_calls_no_handle_that_is_gone(tf2_ros, monkeypatch):
+    """The handler raises in the finalizer of a buffer, before that unregisters the handle for jumps."""
+    ignored = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda args: ignored.append(args.exc_type))
+    buffer = tf2_ros.Buffer()
+    clock, handle = buffer.clock, weakref.ref(buffer.jump_handle)
+
+    def interrupted(_):
+        raise Alarm
+
+    with monkeypatch.context() as patched:
+        patched.setattr(JumpHandle, "unregister", interrupted)
+        del buffer
+    assert ignored == [Alarm]
+    assert handle() is not None  # else the next jump of the clock would crash
+    clock.handle.remove_clock_callback(handle())

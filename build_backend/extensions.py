@@ -5,6 +5,7 @@
 import fcntl
 import os
 import sys
+import threading
 from pathlib import Path
 
 import numpy
@@ -53,7 +54,7 @@ def cython_extensions(root):
 
 
 class BuildExtensions(build_ext):
-    """Generates first, in one thread, then compiles in several."""
+    """Compiles in several threads, and generates the C code of one extension while others are compiled."""
 
     def finalize_options(self):
         super().finalize_options()
@@ -73,12 +74,24 @@ class BuildExtensions(build_ext):
             self._lock = open(folder / "lock", "w")
             fcntl.flock(self._lock, fcntl.LOCK_EX)
         self._made = built_version.write(Path(self.build_lib), self.distribution.get_version())
-        refused = self._cythonize()
+        self._generating, self._refused = threading.Lock(), []
         super().run()
-        if refused:
-            raise SystemExit(f"Cython refused {', '.join(refused)}; what it says is above")
+        if self._refused:
+            names = ", ".join(one.name for one in self._refused)
+            raise SystemExit(f"Cython refused {names}; what it says is above")
+
+    def build_extensions(self):
+        # One is a quarter of the work: begun last, it would keep one thread busy while the others are idle.
+        self.extensions.sort(key=_size_of_sources, reverse=True)
+        super().build_extensions()
+        # A broken module shows all its errors, and does not prevent the others from being built.
+        self.extensions = [one for one in self.extensions if one not in self._refused]
 
     def build_extension(self, ext):
+        with self._generating:  # Cython is Python code, so threads would only wait for each other
+            self._generate(ext)
+        if ext in self._refused:
+            return
         if not (self.inplace or self.debug):
             ext.extra_compile_args = ext.extra_compile_args + NO_DEBUG_ARGS
         super().build_extension(ext)
@@ -90,42 +103,40 @@ class BuildExtensions(build_ext):
             # The wheel of an editable installation has no other files of the project.
             install_command.copy_pth(self.get_finalized_command("install").install_lib)
 
-    def _cythonize(self):
-        """
-        Generate C from each ``.pyx``; return the modules that Cython refused, which are not compiled.
-
-        A broken module shows all its errors, and does not prevent the others from being built.
-        """
+    def _generate(self, ext):
+        """Generate C from the ``.pyx``, unless that was done before; note a module that Cython refuses."""
         import Cython
         from Cython.Build import cythonize
         from Cython.Compiler.Errors import CompileError
 
-        refused = []
         base = self.get_finalized_command("build").build_base
         # For `make coverage`, which counts lines of the sources and not of the C code.
         has_lines = bool(os.environ.get("CYTHON_LINES"))
         # A newer Cython checks only the age of the sources, and would reuse the C code of an older one.
         folder = Path(base, f"cython-{'lines-' if has_lines else ''}{Cython.__version__}")
-        for ext in list(self.extensions):
-            [source] = ext.sources
-            generated = folder / Path(source).with_suffix(".c")
-            if not self.force and _is_newest(generated, source):
-                ext.sources = [str(generated)]
-                continue
-            try:
-                [done] = cythonize(
-                    ext,
-                    build_dir=str(folder),
-                    compiler_directives=DIRECTIVES,
-                    emit_linenums=has_lines,
-                    force=True,
-                    quiet=True,
-                )
-                ext.sources = done.sources
-            except CompileError:
-                refused.append(ext.name)
-                self.extensions.remove(ext)
-        return refused
+        [source] = ext.sources
+        generated = folder / Path(source).with_suffix(".c")
+        if not self.force and _is_newest(generated, source):
+            ext.sources = [str(generated)]
+            return
+        try:
+            [done] = cythonize(
+                ext,
+                build_dir=str(folder),
+                compiler_directives=DIRECTIVES,
+                emit_linenums=has_lines,
+                force=True,
+                quiet=True,
+            )
+            ext.sources = done.sources
+        except CompileError:
+            self._refused.append(ext)
+
+
+def _size_of_sources(ext):
+    """The bytes of what an extension is generated from."""
+    [source] = ext.sources
+    return sum(path.stat().st_size for path in _sources_of_project(source))
 
 
 def _is_newest(generated, source):
@@ -134,10 +145,14 @@ def _is_newest(generated, source):
 
     Cython also looks at its own files and at those of NumPy, which are newer in each new environment.
     """
-    from Cython.Build.Dependencies import create_dependency_tree
-
     if not generated.exists():
         return False
+    return max(path.stat().st_mtime for path in _sources_of_project(source)) <= generated.stat().st_mtime
+
+
+def _sources_of_project(source):
+    """The files that C code is generated from, without those of Cython and NumPy."""
+    from Cython.Build.Dependencies import create_dependency_tree
+
     used = map(Path, create_dependency_tree(quiet=True).all_dependencies(source))
-    of_project = [path for path in used if not path.is_absolute()]
-    return max(path.stat().st_mtime for path in of_project) <= generated.stat().st_mtime
+    return [path for path in used if not path.is_absolute()]

@@ -167,7 +167,7 @@ lint: $(VENV)/dev.stamp $(VENV)/test.stamp
 	$(VENV)/bin/reuse lint --lines
 
 build: $(VENV)/test.stamp
-	$(PY) setup.py -q build_ext --inplace
+	@$(PROGRESS); $(PY) setup.py -q build_ext --inplace
 	touch $(VENV)/installed.stamp
 
 clean:

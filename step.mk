@@ -5,8 +5,10 @@
 # $(comma) is a comma.
 comma := ,
 LOG := $(VENV)/install.log
+# On a terminal, the build shows there how far it is; see build_backend/extensions.py.
+PROGRESS = if test -t 1; then export BUILD_PROGRESS=/dev/tty; fi
 define step
 @echo "$(1), see $(LOG)"
-@($(2)) > $(LOG) 2>&1 || { tail -n 30 $(LOG); \
+@$(PROGRESS); ($(2)) > $(LOG) 2>&1 || { tail -n 30 $(LOG); \
 	echo "This step failed, $(LOG) has all of its output. The same make command tries it again."; exit 1; }
 endef

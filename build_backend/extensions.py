@@ -6,6 +6,7 @@ import fcntl
 import os
 import sys
 import threading
+from contextlib import suppress
 from pathlib import Path
 
 import numpy
@@ -74,7 +75,7 @@ class BuildExtensions(build_ext):
             self._lock = open(folder / "lock", "w")
             fcntl.flock(self._lock, fcntl.LOCK_EX)
         self._made = built_version.write(Path(self.build_lib), self.distribution.get_version())
-        self._generating, self._refused = threading.Lock(), []
+        self._generating, self._refused, self._done = threading.Lock(), [], 0
         super().run()
         if self._refused:
             names = ", ".join(one.name for one in self._refused)
@@ -88,6 +89,8 @@ class BuildExtensions(build_ext):
         self.extensions = [one for one in self.extensions if one not in self._refused]
 
     def build_extension(self, ext):
+        made = Path(self.get_ext_fullpath(ext.name))
+        before = made.stat().st_mtime_ns if made.exists() else None
         with self._generating:  # Cython is Python code, so threads would only wait for each other
             self._generate(ext)
         if ext in self._refused:
@@ -95,6 +98,10 @@ class BuildExtensions(build_ext):
         if not (self.inplace or self.debug):
             ext.extra_compile_args = ext.extra_compile_args + NO_DEBUG_ARGS
         super().build_extension(ext)
+        with self._generating:
+            self._done += 1
+            if made.stat().st_mtime_ns != before:
+                _report(f"  {self._done} of {len(self.extensions)}: {ext.name}")
 
     def copy_extensions_to_source(self):
         super().copy_extensions_to_source()
@@ -131,6 +138,13 @@ class BuildExtensions(build_ext):
             ext.sources = done.sources
         except CompileError:
             self._refused.append(ext)
+
+
+def _report(line):
+    """Write how far the build is to where make asks for it: pip shows nothing until a build has ended."""
+    if place := os.environ.get("BUILD_PROGRESS"):
+        with suppress(OSError), open(place, "a") as terminal:
+            print(line, file=terminal)
 
 
 def _size_of_sources(ext):

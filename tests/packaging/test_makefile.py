@@ -54,6 +54,15 @@ def folder_with_pip(tmp_path_factory):
     return folder
 
 
+def provide_project(folder, backend, code):
+    """Put a project with this backend in the place of the messages."""
+    (folder / "messages").mkdir(exist_ok=True)
+    (folder / "messages" / f"{backend}.py").write_text(code)
+    (folder / "messages" / "pyproject.toml").write_text(
+        f"[build-system]\nrequires = []\nbuild-backend = '{backend}'\nbackend-path = ['.']\n"
+    )
+
+
 def environment():
     """That of a new shell, even if make itself runs these tests."""
     return {name: value for name, value in unsourced().items() if not name.startswith(("MAKE", "MFLAGS"))}
@@ -104,11 +113,7 @@ def test_a_step_that_fails_shows_why_and_is_tried_again(folder_with_pip):
 
 def test_ctrl_c_ends_a_step_and_all_its_processes(folder_with_pip):
     folder = folder_with_pip
-    (folder / "messages").mkdir()
-    (folder / "messages" / "hanging.py").write_text(HANGING)
-    (folder / "messages" / "pyproject.toml").write_text(
-        "[build-system]\nrequires = []\nbuild-backend = 'hanging'\nbackend-path = ['.']\n"
-    )
+    provide_project(folder, "hanging", HANGING)
     command = ["make", ".venv/messages.stamp"]
     started = subprocess.Popen(command, cwd=folder, env=environment(), start_new_session=True)
     try:
@@ -120,6 +125,33 @@ def test_ctrl_c_ends_a_step_and_all_its_processes(folder_with_pip):
         if group_lives(started.pid):
             os.killpg(started.pid, signal.SIGKILL)
     assert not (folder / ".venv" / "messages.stamp").exists()
+
+
+# A project whose build says how far it is.
+TELLING = """
+import os, pathlib
+
+def get_requires_for_build_editable(config_settings=None):
+    if "BUILD_PROGRESS" in os.environ:
+        with open(os.environ["BUILD_PROGRESS"], "a") as terminal:
+            print("  5 of 16: a module", file=terminal)
+    raise SystemExit("it does no more")
+
+def build_editable(*arguments):
+    pass
+
+build_wheel = build_editable
+"""
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_how_far_a_build_is_is_shown_on_a_terminal_only(folder_with_pip, is_terminal):
+    provide_project(folder_with_pip, "telling", TELLING)
+    command = ["make", ".venv/messages.stamp"]
+    on_terminal = [sys.executable, "-c", f"import pty; pty.spawn({command})"]
+    shown = run(*on_terminal if is_terminal else command, cwd=folder_with_pip, env=environment()).stdout
+    assert "it does no more" in shown
+    assert ("5 of 16: a module" in shown.splitlines()[1]) == is_terminal
 
 
 def group_lives(group):

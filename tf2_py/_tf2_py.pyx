@@ -1292,7 +1292,7 @@ cdef tuple _times_and_missing(times, bint is_nan_wanted):
 cdef object _error_of_time(object error, Py_ssize_t i):
     # The attributes are for deskew, whose texts name a point instead.
     found = type(error)(f"times[{i}]: {error}")
-    found._row, found._reason = i, str(error)
+    found._row, found._text = i, str(error)
     return found
 
 

@@ -408,5 +408,5 @@ def _exact_poses(motion: Motion, sweep: Sweep, on_missing: str) -> Poses:
             if sweep.is_long:
                 seconds = (sweep.last - sweep.first) / S
                 advice = f" (all times span {seconds:g} s: if they are not {field.unit.text}, pass time_unit)"
-        raise type(error)(f"{where}: {failed._reason}{advice}") from None
+        raise type(error)(f"{where}: {failed._text}{advice}") from None
     return Poses(None, matrices)

@@ -139,7 +139,8 @@ class Keyframes:
             start_ns = as_time_ns("start", start)
         late = np.flatnonzero(poses.times_ns > LAST_NS - start_ns)
         if late.size:
-            place, stamp = poses.place(late[0]), _seconds(poses.times_ns[late[0]])
+            first = int(late[0])
+            place, stamp = poses.place(first), _seconds(int(poses.times_ns[first]))
             raise BagError(f"{place}: the stamp {stamp} is too large to count from {_seconds(start_ns)}")
         return replace(poses, times_ns=poses.times_ns + start_ns)
 

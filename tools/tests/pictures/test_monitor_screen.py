@@ -132,7 +132,7 @@ def played(*streams, ages=(), findings=(), chain=None, keys=()):
             return (
                 [[cell.plain for cell in row] for row in rows],
                 [str(row[0].style) for row in rows],
-                str(screen.query_one("#summary").render()).strip(),
+                screen._summary(report),
                 (problems.scroll_target_y, problems.max_scroll_y),
             )
 

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """An action server that awaits transforms, and whose clients can cancel a goal while it waits.
 
-Run: python examples/action_server.py
+Run: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=42 python examples/action_server.py
+Without the variables (on Humble, ROS_LOCALHOST_ONLY=1 and a domain), it would publish to your whole network.
 A client in the same program sends two goals: one succeeds, and one is canceled. Ends by itself. The exit
 status is 0 only if both ended so.
 """

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Look transforms up in the buffer of another process: a BufferServer there, and a BufferClient here.
 
-Run: python examples/buffer_server.py
+Run: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=42 python examples/buffer_server.py
+Without the variables (on Humble, ROS_LOCALHOST_ONLY=1 and a domain), it would publish to your whole network.
 Ends by itself. The exit status is 0 only if everything succeeded.
 """
 

@@ -8,7 +8,8 @@ and all poses of the last path are right. Here, `PathCorrector` corrects its buf
 message filter passes each scan once the path reaches beyond it. The last scans wait for the path that closes
 the loop.
 
-Run: python examples/correct_past.py
+Run: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=42 python examples/correct_past.py
+Without the variables (on Humble, ROS_LOCALHOST_ONLY=1 and a domain), it would publish to your whole network.
 Ends by itself. The exit status is 0 only if, in the end, each scan was where the last path says.
 """
 

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A lidar whose transforms arrive late: a message filter passes each scan once its transform is available.
 
-Run: python examples/message_filter.py
+Run: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=42 python examples/message_filter.py
+Without the variables (on Humble, ROS_LOCALHOST_ONLY=1 and a domain), it would publish to your whole network.
 Ends by itself. The exit status is 0 only if every scan passed, in order.
 """
 

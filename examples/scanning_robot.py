@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A robot that drives in a circle and scans twice a second, for 15 s: company for the node of the README.
 
-Run: python examples/scanning_robot.py
+Run: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=42 python examples/scanning_robot.py
+Without the variables (on Humble, ROS_LOCALHOST_ONLY=1 and a domain), it would publish to your whole network.
 As on a real robot, the pose at the stamp of a scan is published after the scan, so lookups have to wait.
 """
 

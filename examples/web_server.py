@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A web server and a ROS node in one asyncio loop: poses as JSON, and 503 while a pose is missing or too old.
 
-Run: pip install aiohttp, then ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=42 python examples/web_server.py
+Run: pip install aiohttp
+     ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=42 python examples/web_server.py
 Without the variables (on Humble, ROS_LOCALHOST_ONLY=1 and a domain), it would publish to your whole network.
 A simulated robot drives, and loses its localization after a while; the program asks its own server meanwhile.
 Ends by itself. The exit status is 0 only if each answer has the expected status.

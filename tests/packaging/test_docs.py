@@ -155,6 +155,30 @@ def test_the_commands_of_a_page_name_targets_files_and_extras_that_exist(page):
                 assert (ROOT / path).is_file() or path in FILES, words
 
 
+# Commands that start what publishes, or may. `my_robot` is a package of the reader, for a robot.
+PUBLISHES = re.compile(
+    r"ros2 (run (?!my_robot)|launch|bag play|topic pub)|examples/\w+\.py"
+    r"|^static_transform_publisher|^tf2_buffer_server",
+    re.MULTILINE,
+)
+KEPT_HERE = re.compile(r"#keep-programs-on-this-machine|ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST")
+
+
+def test_pages_that_start_what_publishes_say_how_to_keep_it_on_this_machine():
+    pages = [*PAGES, *(ROOT / "tools").glob("docs/**/*.md"), ROOT / "tools" / "README.md"]
+    texts = {str(page.relative_to(ROOT)): page.read_text(encoding="utf-8") for page in pages}
+    commands = {
+        name: "".join(re.findall(r"^ *```sh\n(.*?)^ *```", text, re.MULTILINE | re.DOTALL))
+        for name, text in texts.items()
+    }
+    starting = {name for name, lines in commands.items() if PUBLISHES.search(lines)}
+    assert {"README.md", "tools/docs/programs/publishing.md"} <= starting
+    assert [name for name in starting if not KEPT_HERE.search(texts[name])] == []
+    for example in (ROOT / "examples").glob("*.py"):
+        text = example.read_text(encoding="utf-8")
+        assert "Broadcaster" not in text or "LOCALHOST" in text, example.name
+
+
 # Links and names.
 
 

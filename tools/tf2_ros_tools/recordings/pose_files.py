@@ -173,7 +173,7 @@ EXAMPLE = "timestamp tx ty tz qx qy qz qw"
 _SHOWN = dict(zip(TUM, EXAMPLE.split(), strict=True)) | {
     one: f"row {one[0]}, column {one[1]}" for one in KITTI
 }
-_ADD_HEADING = f"add a first line that names them, such as: {EXAMPLE}"
+_ADD_HEADING = f"add a first line that names them in the order of the file, such as: {EXAMPLE}"
 
 
 class _Column(NamedTuple):
@@ -517,8 +517,9 @@ def _advice(text: str, needed: Roles, *, is_first: bool) -> str:
         7: "; if they are x y z qx qy qz qw, and times.txt has the stamps:"
         f" paste -d '{separator}' times.txt FILE",
         12: "; KITTI's poses need `times` or `--trajectory-times`",
-        13: f"; if it is a stamp and a matrix, `{awk} '{{print $1}}' FILE` writes the file `times`, and"
-        f" `{awk} '{{$1 = \"\"; print}}' FILE` the poses",
+        13: f"; without the first number, it may be a matrix: `{awk} '{{$1 = \"\"; print}}' FILE` writes the"
+        f" format of KITTI, which needs `times`; if the first number is the stamp,"
+        f" `{awk} '{{print $1}}' FILE` writes these",
         16: f"; if it is a matrix, `{awk} '{{NF = 12; print}}' FILE` writes the format of KITTI, which needs"
         " `times`",
         17: f"; if it is an index and a matrix, `{awk} '{{NF = 13; $1 = \"\"; print}}' FILE` writes the"

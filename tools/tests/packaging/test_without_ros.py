@@ -12,7 +12,7 @@ from tool_project import PACKAGES, PYPROJECT
 
 pytestmark = pytest.mark.long("makes an environment without ROS 2")
 
-EXTRAS = ("bag", "fleet", "cli", "plot", "zenoh", "dds", "foxglove")
+EXTRAS = ("bag", "fleet", "cli", "web", "plot", "zenoh", "dds", "foxglove")
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ else:
     from tf2_ros._without_ros import InvalidHandle, clock_in_c
 
 cdef str SHOWN = "the time of the buffer's clock"
-cdef int64_t JUMP_BACK_NS = 1000000000      # a clock that is set back this far clears the buffer
+JUMP_BACK_NS = 1000000000       # a clock that is set back this far clears the buffer
 # A step of system time may look shorter by the time between the readings of two clocks.
 cdef int64_t SYSTEM_JUMP_NS = 900000000
 

@@ -15,7 +15,7 @@ from tf2_py import BufferCore, TransformException
 from tf2_py._internal import duration_ns, log, policy_of
 from tf2_py.typing import DurationLike, DurationsLike, LookupPolicy, TimeLike, Unpack
 from tf2_ros._arguments import kind_of, require_callable
-from tf2_ros._buffer_clock import BufferClock
+from tf2_ros._buffer_clock import JUMP_BACK_NS, BufferClock
 from tf2_ros._messages import TransformStamped
 from tf2_ros._process.background import check_regularly
 from tf2_ros._sources import BufferSource, Sources, add_node, add_source, silence_of
@@ -58,8 +58,6 @@ __all__ = [
 FrameGraphSrvRequest = TypeVar("FrameGraphSrvRequest")
 FrameGraphSrvResponse = TypeVar("FrameGraphSrvResponse")
 _Opened = TypeVar("_Opened", bound="Buffer")
-
-JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
 
 # The methods that insert transforms.
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
@@ -533,7 +531,7 @@ def _clear_at_jumps(buffer: Any) -> "JumpHandle":
         BufferCore._tf2_clock_jumped(jumping)
 
     # Waits that judge ages need to know of every step back.
-    back = Duration(seconds=-JUMP_BACK_S)
+    back = Duration(nanoseconds=-JUMP_BACK_NS)
     threshold = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
     handle = buffer.clock.create_jump_callback(threshold, post_callback=on_jump)
     _registered.add(handle)

@@ -167,10 +167,7 @@ class BufferInterface:
         source_frame, stamp = source_of(stamped, prefix)
         look_up: Any = self.lookup_transform
         transform = look_up(target_frame, source_frame, stamp, timeout, **policy)
-        if policy:
-            transform = _at(stamp, transform)
-        result: _New = do_transform(stamped, transform)
-        return result if new_type is None else convert(result, new_type)
+        return _applied(do_transform, stamped, transform, stamp, policy, new_type)
 
     def transform_full(
         self,
@@ -209,10 +206,7 @@ class BufferInterface:
             timeout,
             **policy,
         )
-        if policy:
-            transform = _at(target_time, transform)
-        result: _New = do_transform(stamped, transform)
-        return result if new_type is None else convert(result, new_type)
+        return _applied(do_transform, stamped, transform, target_time, policy, new_type)
 
     async def transform_async(
         self,
@@ -239,10 +233,7 @@ class BufferInterface:
         source_frame, stamp = source_of(stamped, prefix)
         look_up: Any = self.lookup_transform_async
         transform = await look_up(target_frame, source_frame, stamp, timeout=timeout, **policy)
-        if policy:
-            transform = _at(stamp, transform)
-        result: _New = do_transform(stamped, transform)
-        return result if new_type is None else convert(result, new_type)
+        return _applied(do_transform, stamped, transform, stamp, policy, new_type)
 
     def lookup_transform(
         self, target_frame: str, source_frame: str, time: TimeLike, timeout: DurationLike = NO_TIMEOUT
@@ -445,20 +436,24 @@ def with_docstrings_of_bases(cls: type[_Object]) -> type[_Object]:
     return cls
 
 
-def _at(time: TimeLike, transform: TransformStamped) -> TransformStamped:
-    """
-    The transform with the stamp that was asked for; for 0, which asks for the latest, with its own.
-
-    With a tolerance, a lookup returns the stamp of an older sample. Data does not become older by being
-    transformed.
-    """
-    stamp = time_msg(time, "time")
-    if not (stamp.sec or stamp.nanosec):
-        return transform
-    header = Header(stamp=stamp, frame_id=transform.header.frame_id)
-    return TransformStamped(
-        header=header, child_frame_id=transform.child_frame_id, transform=transform.transform
-    )
+def _applied(
+    do_transform: Any,
+    stamped: _Object,
+    transform: TransformStamped,
+    time: TimeLike,
+    policy: "LookupPolicy",
+    new_type: type[_New] | None,
+) -> _New:
+    """The object, transformed by what a lookup at ``time`` under a policy returned."""
+    if policy and ((stamp := time_msg(time, "time")).sec or stamp.nanosec):
+        # With a tolerance, the stamp is that of an older sample; data does not become older by being
+        # transformed.
+        header = Header(stamp=stamp, frame_id=transform.header.frame_id)
+        transform = TransformStamped(
+            header=header, child_frame_id=transform.child_frame_id, transform=transform.transform
+        )
+    result: _New = do_transform(stamped, transform)
+    return result if new_type is None else convert(result, new_type)
 
 
 def Stamped(obj: _Object, stamp: TimeLike, frame_id: str) -> _Object:

@@ -8,20 +8,16 @@ import math
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from reference import imported
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 from times_and_transforms import about_z, transform
 
-try:
-    import tf2_sensor_msgs
-    from tf2_sensor_msgs.tf2_sensor_msgs import create_cloud, read_points
-except ModuleNotFoundError as missing:
-    # The reference reads clouds with sensor_msgs_py, which not every environment has.
-    if missing.name != "sensor_msgs_py":
-        raise
-    pytest.skip("sensor_msgs_py is absent", allow_module_level=True)
-
 pytestmark = pytest.mark.tf2
+
+tf2_sensor_msgs = imported("tf2_sensor_msgs")
+create_cloud = tf2_sensor_msgs.tf2_sensor_msgs.create_cloud
+read_points = tf2_sensor_msgs.tf2_sensor_msgs.read_points
 
 WHOLE = ["i1", "u1", "i2", "u2", "i4", "u4"]
 KINDS = [*WHOLE, "f4", "f8"]  # of PointField's datatypes, from 1 on

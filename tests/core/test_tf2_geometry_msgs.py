@@ -10,6 +10,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
+pytest.importorskip("hypothesis")
 from geometry_msgs.msg import (
     Point,
     Point32,

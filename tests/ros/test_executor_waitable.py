@@ -9,6 +9,7 @@ import time
 
 import pytest
 from calls_in_threads import repeated
+from excused_faults import accept
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
 from spinning_nodes import EXECUTOR, Observer, queue_of, shut_down_at_sleep, spinning
@@ -200,12 +201,14 @@ class TestSpinOnce:
 
         before = signal.signal(signal.SIGALRM, handle)
         try:
-            with sending(peer()), pytest.raises(TimeoutError):
+            with sending(peer()), pytest.raises((TimeoutError, RuntimeError)) as raised:
                 signal.setitimer(signal.ITIMER_REAL, 0.2)
                 while True:
                     getattr(ros, spin)(node)
         finally:
             signal.signal(signal.SIGALRM, before)
+        if raised.type is not TimeoutError:
+            accept(raised.value)  # the handler ran in a binding of rclpy, which raises an error of its own
 
     @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
     def test_a_shutdown_ends_a_loop_that_nothing_wakes(self, listener, node, kind):

@@ -7,6 +7,7 @@ import json
 import math
 import re
 
+import pytest
 import yaml
 from messages_with_or_without_ros import Duration
 from paths import TESTS
@@ -23,6 +24,12 @@ PHRASES = (
     "contains a loop",
 )
 RELATIVE = 1e-9  # of the largest magnitude in an answer
+
+# Where other releases of tf2 answer differently. In the series of Jazzy, Kilted and Lyrical, from these on,
+# an extrapolation has a reason if frames of both paths lack data; before, the text may begin with its comma.
+GIVES_REASONS = {(0, 36): 20, (0, 41): 7, (0, 45): 7}
+STORES_ROTATIONS_UNCHANGED = (0, 41, 0)  # Kilted
+CLEARS_STATIC_FRAMES = (0, 45, 7)  # Lyrical
 
 with gzip.open(RECORDINGS, "rt") as _lines:
     SCENARIOS = [json.loads(line) for line in _lines]
@@ -114,5 +121,35 @@ def check_answers(tf2_py, scenario):
     buffer = tf2_py.BufferCore(Duration(nanoseconds=scenario["cache_ns"]))
     for (op, *args), want in zip(scenario["ops"], scenario["want"], strict=True):
         check_answer(CALLS, buffer, op, args, want, tf2_py.TransformException)
-    if hasattr(buffer, "_self_check"):
-        buffer._self_check()
+    buffer._self_check()
+
+
+def check_answers_of_release(tf2_py, scenario, release):
+    """The same of a real tf2, up to the first step that its release takes in another way."""
+    if release[2] < GIVES_REASONS.get(release[:2], 0):
+        pytest.skip(f"before tf2 0.{release[1]}.{GIVES_REASONS[release[:2]]}, some texts give no reason")
+    calls = CALLS
+    if release >= STORES_ROTATIONS_UNCHANGED:
+        calls = CALLS | {op: _with_jazzys_sign(CALLS[op]) for op in ("lookup", "lookup_full")}
+    buffer = tf2_py.BufferCore(Duration(nanoseconds=scenario["cache_ns"]))
+    for (op, *args), want in zip(scenario["ops"], scenario["want"], strict=True):
+        if release >= STORES_ROTATIONS_UNCHANGED and op == "set" and not _is_normalized(args[-1]):
+            break
+        if release >= CLEARS_STATIC_FRAMES and op == "clear":
+            break
+        check_answer(calls, buffer, op, args, want, tf2_py.TransformException)
+
+
+def _is_normalized(xyzw):
+    return abs(sum(number(v) ** 2 for v in xyzw) - 1) < RELATIVE
+
+
+def _with_jazzys_sign(call):
+    """Of q and -q, Jazzy returns the one whose w, or else whose largest number, is positive."""
+
+    def called(*args):
+        *rest, (x, y, z, w) = call(*args)
+        sign = math.copysign(1, w if 4 * w * w > 1 else max(x, y, z, key=abs))
+        return [*rest, [sign * v for v in (x, y, z, w)]]
+
+    return called

@@ -8,22 +8,25 @@ import os
 import random
 import signal
 import subprocess
-import sys
 import tempfile
-from pathlib import Path
 
-import hypothesis
 import pytest
 import random_runs
+import reference
 from _pytest.runner import runtestprotocol
 from excused_faults import ATTEMPTS, KnownFault
-from hypothesis.internal.conjecture import providers
 from paths import ROOT, SUPPORT
 from processes import Peer, end, start
 from ros_domains import claim_domain
 from waiting import NeverTold
 
 from tf2_ros_cython._ros_in_use import running_release
+
+try:
+    import hypothesis
+    from hypothesis.internal.conjecture import providers
+except ModuleNotFoundError:  # few of the tests that hold for the real tf2 need it
+    hypothesis = None
 
 # What the shell of a developer may say, and tests must not depend on.
 FOREIGN = (
@@ -55,21 +58,22 @@ os.environ["PYTHONPATH"] = os.pathsep.join(
     filter(None, [str(ROOT), str(SUPPORT), os.environ.get("PYTHONPATH", "")])
 )
 
-# A busy machine takes its time. Nothing is stored between runs: the seed repeats a failure.
-hypothesis.settings.register_profile(
-    "tests",
-    hypothesis.settings.get_profile("default"),
-    deadline=None,
-    database=None,
-    suppress_health_check=[
-        hypothesis.HealthCheck.too_slow,
-        hypothesis.HealthCheck.function_scoped_fixture,
-    ],
-)
-hypothesis.settings.load_profile("tests")
-# It would also draw constants that it finds in the modules imported so far, and these depend on the tests
-# that ran before in the same process.
-providers._get_local_constants = lambda: providers._local_constants
+if hypothesis is not None:
+    # A busy machine takes its time. Nothing is stored between runs: the seed repeats a failure.
+    hypothesis.settings.register_profile(
+        "tests",
+        hypothesis.settings.get_profile("default"),
+        deadline=None,
+        database=None,
+        suppress_health_check=[
+            hypothesis.HealthCheck.too_slow,
+            hypothesis.HealthCheck.function_scoped_fixture,
+        ],
+    )
+    hypothesis.settings.load_profile("tests")
+    # It would also draw constants that it finds in the modules imported so far, and these depend on the tests
+    # that ran before in the same process.
+    providers._get_local_constants = lambda: providers._local_constants
 
 # Helpers that assert.
 pytest.register_assert_rewrite(
@@ -110,7 +114,11 @@ def pytest_configure(config):
     # A shell starts what it runs in the background without Ctrl-C, and the tests' own programs inherit that.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    config.addinivalue_line("markers", "tf2: holds for the real tf2, too; run by `pytest --reference`")
+    config.addinivalue_line(
+        "markers",
+        "tf2(*series): holds for the real tf2, too, in every release or in these series, such as 0.36; "
+        "run by `pytest --reference`",
+    )
     config.addinivalue_line(
         "markers", "long(why): run by `pytest --all` only, as it takes long or needs more than the others"
     )
@@ -122,7 +130,9 @@ def pytest_configure(config):
         os.environ[random_runs.VARIABLE] = str(random.randrange(10**6)) if seed == "new" else seed
     config.option.hypothesis_seed = os.environ[random_runs.VARIABLE]
     if config.getoption("--reference"):
-        _reveal_reference()
+        reference.reveal()
+        # With tf2, messages are work of the executor, and rclpy's drops what is left at its end.
+        config.addinivalue_line("filterwarnings", "ignore:coroutine 'Executor._make_handler:RuntimeWarning")
     elif config.getoption("--record"):
         raise pytest.UsageError("--record: what this project prints is no recording; add --reference")
 
@@ -135,51 +145,36 @@ def pytest_ignore_collect(collection_path, config):
 
 
 def pytest_collection_modifyitems(config, items):
-    if not config.getoption("--all"):
-        left_out = [item for item in items if _is_left_out(item, config.getoption("--long"))]
-        config.hook.pytest_deselected(items=left_out)
-        items[:] = [item for item in items if item not in set(left_out)]
+    left_out = [item for item in items if _is_left_out(item, config)]
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = [item for item in items if item not in set(left_out)]
     for item in items:
         is_long = any(item.iter_markers("long")) or any(item.iter_markers("repeated"))
         if is_long and not any(item.iter_markers("timeout")):
             item.add_marker(pytest.mark.timeout(LONG_TIMEOUT_S))
     # The processes of `pytest -n` begin the files in this order. A long file of waits must not be the last.
     items.sort(key=lambda item: item.path.parent.name not in ("ros", "programs"))
-    if not config.getoption("--reference"):
-        return
-    for item in items:
-        if item.get_closest_marker("tf2") is None:
-            item.add_marker(pytest.mark.skip(reason="not marked tf2"))
+    for item in items if config.getoption("--reference") else ():
+        series = [one for mark in item.iter_markers("tf2") for one in mark.args]
+        if series and not reference.holds(series):
+            item.add_marker(pytest.mark.skip(reason=f"holds for tf2 {' and '.join(series)} only"))
 
 
-def _is_left_out(item, only_long):
-    if only_long:
+def _is_left_out(item, config):
+    if config.getoption("--reference") and not any(item.iter_markers("tf2")):
+        return True
+    if config.getoption("--all"):
+        return False
+    if config.getoption("--long"):
         return not any(item.iter_markers("long")) and not any(item.iter_markers("repeated"))
     return any(item.iter_markers("long"))
 
 
 def pytest_report_header(config):
-    return f"seed {random_runs.first_seed()}: `pytest --seed` repeats a run with another one"
-
-
-def _reveal_reference():
-    sys.path[:] = [entry for entry in sys.path if Path(entry).resolve() != ROOT]
-    editable = [finder for finder in sys.meta_path if "__editable__" in getattr(finder, "__module__", "")]
-    sys.meta_path[:] = [
-        finder
-        for finder in sys.meta_path
-        if finder not in editable and getattr(finder, "__module__", "") != "tf2_ros_cython._finder"
-    ]
-    os.environ["TF2_ROS_CYTHON"] = "0"  # the same for the tests' own programs
-    os.environ["PYTHONPATH"] = os.pathsep.join(
-        entry for entry in os.environ["PYTHONPATH"].split(os.pathsep) if entry != str(ROOT)
-    )
-    try:
-        reference = importlib.import_module("tf2_py")
-    except ModuleNotFoundError:
-        raise pytest.UsageError("--reference: there is no tf2_py here; source a ROS 2 first") from None
-    if hasattr(reference.BufferCore, "statistics"):
-        raise pytest.UsageError(f"--reference: {reference.__file__} is this project's own tf2_py")
+    lines = [f"seed {random_runs.first_seed()}: `pytest --seed` repeats a run with another one"]
+    if config.getoption("--reference"):
+        lines.append(f"the real tf2 {'.'.join(map(str, reference.release))}")
+    return lines
 
 
 @pytest.hookimpl(wrapper=True)

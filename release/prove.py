@@ -31,6 +31,7 @@ KEPT, PAGE = Path("release", "proofs.json"), Path("docs", "development", "proofs
 OVERLAYS = ROOT.parent / "shared" / "ros"
 RELEASES = ("wheels of jazzy", "wheels of kilted", "rclpy-3.3.21-on-jazzy", "rclpy-7.1.11-jazzy")
 RELEASES += ("rclpy-9.1.5-kilted", "rclpy-10.0.10-on-kilted", "rclpy-11.0.0-on-kilted")
+REAL_TF2 = ("tf2-0.36.20", "tf2-0.41.7", "tf2-0.46.0")
 # What is made of results is no reason to repeat a step.
 MADE = (str(KEPT), str(PAGE), "docs/development/reliability.md", "QUALITY_DECLARATION.md")
 
@@ -106,6 +107,9 @@ def steps():
         command = ("make", "wheels", f"OPTIONS=--only {version}")
         yield Step(f"installed wheels, Python {version}", command, (*SUITE, *TOOLS), lacks)
     yield from _releases()
+    for name in REAL_TF2:
+        lacks = "" if any(OVERLAYS.glob(f"{name}-*.tar.xz")) else "no archive of it"
+        yield Step(f"beside the real {name}", ("make", "releases", f"OPTIONS=--only {name}"), SUITE, lacks)
 
 
 def _releases():

@@ -7,6 +7,9 @@ An overlay is an archive with another release of rclpy, compiled for one Python,
 wheels when it comes first on PYTHONPATH. The wheels of the project are installed beside those of ROS, and the
 tests of nodes, with the recorded programs of users, run with the wheels alone and with each overlay. What no
 release can change is tested once, by turns.
+
+An overlay may also be the real tf2, compiled for Jazzy: beside it, the tests run that hold for both,
+`pytest --reference`.
 """
 
 import argparse
@@ -21,12 +24,14 @@ from release import wheels
 from release.interpreters import interpreters
 
 # rclpy-<its version>-<the wheels that it is compiled with, after "on-" of another release>-cp<Python>.tar.xz
-NAMES = re.compile(r"rclpy-(?P<version>[\d.]+)-(?:on-)?(?P<ros>\w+)-cp(?P<python>\d{3,})")
+# tf2-<its version>-cp<Python>.tar.xz
+NAMES = re.compile(r"(?:rclpy-[\d.]+-(?:on-)?(?P<ros>\w+)|tf2-[\d.]+)-cp(?P<python>\d{3,})")
+WHEELS_OF_TF2 = "jazzy"
 FOLDER = wheels.ROOT.parent / "shared" / "ros"
 OF_NODES = wheels.ROOT / "tests" / "ros"
 # Two processes for each core, as for `make test`.
 PROCESSES = f"--numprocesses={min(2 * len(os.sched_getaffinity(0)), 8)}"
-TESTS = [PROCESSES, "--dist=loadfile", "--no-loadscope-reorder", "--max-worker-restart=0", "tests/ros"]
+IN_PROCESSES = [PROCESSES, "--dist=loadfile", "--no-loadscope-reorder", "--max-worker-restart=0"]
 # Files that test nothing of executors, tasks, clients or receivers, which are what differs between releases.
 BY_TURNS = """
 ages arguments buffer_interface waits_while_system_time_is_set max_age max_age_random faulty_middleware
@@ -37,15 +42,18 @@ frame_prefix rcl_declarations inbox_without_middleware readers_beside_writers re
 def main(arguments=None):
     parser = argparse.ArgumentParser(
         prog="python -m release.rclpy_release_tests",
-        description="Run the tests of nodes with the wheels of Jazzy and Kilted, and with overlays on them.",
+        description="Run the tests of nodes with the wheels of Jazzy and Kilted, and with overlays on them; "
+        "run the tests marked tf2 beside each real tf2.",
         epilog="Further arguments go to pytest.",
     )
     parser.add_argument(
         "--folder", type=Path, default=FOLDER, help="where the archives are; default: %(default)s"
     )
-    parser.add_argument("--only", metavar="WORD", default="", help="those with this word in their names")
+    parser.add_argument(
+        "--only", metavar="WORD", action="append", default=[], help="those with this word in their names"
+    )
     options, of_pytest = parser.parse_known_args(arguments)
-    archives = sorted(options.folder.glob("rclpy-*.tar.xz"))
+    archives = sorted([*options.folder.glob("rclpy-*.tar.xz"), *options.folder.glob("tf2-*.tar.xz")])
     print(f"{len(archives)} overlays in {options.folder}")
     found = [(archive, NAMES.fullmatch(archive.name.removesuffix(".tar.xz"))) for archive in archives]
     for archive, name in found:
@@ -53,18 +61,25 @@ def main(arguments=None):
             parser.error(f"{archive.name}: expected a name like rclpy-7.1.11-jazzy-cp311.tar.xz")
     pythons = {name["python"] for _, name in found} or {"311"}
     runs = list(_runs(found, sorted(pythons), options))
-    by_turns = [path.name for one in BY_TURNS for path in sorted(OF_NODES.glob(f"test_{one}.py"))]
+    for word in options.only:
+        if not any(word in name for name, *_ in runs):
+            print(f"skipped: no {word} in {options.folder}")
+    if not runs:
+        return 0
     results, environments = {}, {}
     sources = wheels.source_distributions(sorted({ros for _, _, ros, _ in runs}))
-    for number, (name, python, ros, archive) in enumerate(runs):
+    of_nodes = [name for name, *_ in runs if not name.startswith("tf2-")]
+    for name, python, ros, archive in runs:
         executable = interpreters([])[python]
         if executable is None:
             results[name] = f"Python {python} not found"
             continue
         if (python, ros) not in environments:
             environments[python, ros] = _environment(executable, python, ros, sources)
-        elsewhere = [one for at, one in enumerate(by_turns) if at % len(runs) != number]
-        tests = of_pytest or [*TESTS, *(f"--ignore=tests/ros/{one}" for one in elsewhere)]
+        if name in of_nodes:
+            tests = of_pytest or _tests_of_nodes(of_nodes.index(name), len(of_nodes))
+        else:
+            tests = [*IN_PROCESSES, "--reference", *(of_pytest or ["tests"])]
         results[name] = _tested(environments[python, ros], name, archive, tests)
     for name, result in results.items():
         print(f"{name}: {result}")
@@ -75,11 +90,22 @@ def _runs(found, pythons, options):
     """What to test: its name, a version of Python, a release of ROS 2, and the overlay, if it is one."""
     for python in pythons:
         for ros in wheels.RELEASES:
-            of_it = [archive for archive, name in found if (name["python"], name["ros"]) == (python, ros)]
+            of_it = [
+                archive
+                for archive, name in found
+                if (name["python"], name["ros"] or WHEELS_OF_TF2) == (python, ros)
+            ]
             for archive in (None, *of_it):
                 name = archive.name.removesuffix(".tar.xz") if archive else f"wheels of {ros}"
-                if options.only in name:
+                if any(word in name for word in options.only or [""]):
                     yield name, f"{python[0]}.{python[1:]}", ros, archive
+
+
+def _tests_of_nodes(number, count):
+    """For pytest, in one of so many runs."""
+    by_turns = [path.name for one in BY_TURNS for path in sorted(OF_NODES.glob(f"test_{one}.py"))]
+    elsewhere = [one for at, one in enumerate(by_turns) if at % count != number]
+    return [*IN_PROCESSES, "tests/ros", *(f"--ignore=tests/ros/{one}" for one in elsewhere)]
 
 
 def _environment(executable, version, ros, sources):

@@ -171,7 +171,7 @@ build: $(VENV)/test.stamp
 	touch $(VENV)/installed.stamp
 
 clean:
-	rm -rf $(VENV) .bench .cross .reliability build messages/build dist *.egg-info tools/build tools/*.egg-info messages/src/*.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .bench .cross .reliability build messages/build dist wheelhouse *.egg-info tools/build tools/*.egg-info messages/src/*.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find $(PACKAGES) messages tests tools build_backend -name '*.so' -delete -o -name '*.pyc' -delete
 	cd messages/src/tf2_msgs && rm -f msg/*.py srv/*.py action/*.py _release.py
 	rm -f tf2_ros_cython/_built.py

@@ -49,7 +49,8 @@ OF_PROJECT = (
 )
 # Tests of sources and of builds, which run only in the checkout.
 OF_SOURCES = """
-packaging/test_new_message_type core/test_allocation_failures packaging/test_cross_compile
+packaging/test_building_extensions packaging/test_new_message_type core/test_allocation_failures
+packaging/test_cross_compile
 packaging/test_docs packaging/test_facts_on_pages packaging/test_examples packaging/test_import_directions
 packaging/test_makefile packaging/test_packaging packaging/test_refused_builds
 packaging/test_tf2_msgs_packaging packaging/test_public_names packaging/test_owner_and_release_check

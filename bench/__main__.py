@@ -3,7 +3,8 @@
 """
 The benchmark's command line: `python -m bench [--quick]` measures, prints, and writes a report.
 
-`python -m bench --only inserts receiving:cpu` measures sections, and only prints.
+`python -m bench --only inserts receiving:cpu` measures sections, and only prints; with `--renew`, it puts
+them into the report.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import platform
 import re
 import subprocess
 import sys
+import sysconfig
 import tempfile
 import time
 from collections.abc import Iterable, Sequence
@@ -56,38 +58,45 @@ SECTIONS = {
         ROS2,
         ["listener", "spin_once", "executor.spin_once", "spin_once+lookup"],
         ["overridden"],
+        rounds=3,
     ),
-    "receiving:waits": Section("receiving.waits", ROS2, ["blocked", "own insert"]),
-    "online": Section("lookups_while_receiving.online", ROS2, rounds=5),
+    "receiving:waits": Section("receiving.waits", ROS2, ["blocked", "own insert"], rounds=3),
+    "tf2_rs:offline": Section("lookups.as_evaluated", (OURS, "ros2", "tf2_cpp"), rounds=5),
+    "tf2_rs:online": Section("lookups_while_receiving.online", ROS2, rounds=3),
     "nodes": Section("many_nodes.many", (OURS,), ["apart", "together"], rounds=3),
     "frozen": Section("frozen_files.frozen", (OURS,), rounds=3),
 }
 
 
 class Run:
-    """Measure sections, round by round; `rows` are the results, `remarks` what failed."""
+    """Measure sections, round by round; `rows` are the results."""
 
     def __init__(self, found: dict[str, Library], sizes: dict[str, Any], folder: Path) -> None:
         self.libraries, self.sizes = found, sizes | {"folder": str(folder)}
         self.rows = report.Rows()
-        self.remarks: list[str] = []
         self._out = folder / "rows.json"
         self._began = time.monotonic()
 
     def say(self, text: str) -> None:
         print(f"{time.monotonic() - self._began:6.1f} s  {text}", file=sys.stderr, flush=True)
 
-    def measure(self, name: str, section: Section) -> None:
+    def measure(self, name: str, section: Section) -> list[str]:
+        """Measure a section; where, how often, at which load, and what failed."""
         takers = [who for who in section.libraries if who in self.libraries]
         entries = [(who, variant) for variant in section.variants for who in takers]
         entries += [(OURS, variant) for variant in section.ours_only]
-        for turn in range(min(section.rounds, self.sizes["rounds"])):
+        rounds = min(section.rounds, self.sizes["rounds"])
+        before, began, failures = os.getloadavg()[0], datetime.datetime.now(datetime.timezone.utc), []
+        for turn in range(rounds):
             # Each round begins with another one, and whoever fails takes part no longer.
             for entry in entries[turn % len(entries) :] + entries[: turn % len(entries)]:
                 self.say(f"{name}, round {turn + 1}: {' '.join(entry)}")
                 if (problem := self._run(name, section.function, *entry)) is not None:
-                    self.remarks.append(f"{self.libraries[entry[0]].title} left {name}: {problem}")
+                    failures.append(f"{self.libraries[entry[0]].title} had to leave: {problem}")
                     entries.remove(entry)
+        load = f"load average before and after: {before:.1f}, {os.getloadavg()[0]:.1f}"
+        where = f"`python -m bench --only {name}`, {rounds} rounds".replace(" 1 rounds", " 1 round")
+        return [f"{where}; commit {commit()}, {began:%Y-%m-%d %H:%M} UTC; {load}", *failures]
 
     def _run(self, name: str, function: str, who: str, variant: str) -> str | None:
         """Measure one of them for one round; what went wrong, if something did."""
@@ -139,29 +148,40 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="SECTION",
         help="measure only these, and write no files: %(choices)s",
     )
+    parser.add_argument("--renew", action="store_true", help="with --only: put the sections into the report")
+    parser.add_argument("--rounds", type=int, help="at most so many")
     options = parser.parse_args(arguments)
-    load = [os.getloadavg()[0]]
+    sizes = QUICK if options.quick else FULL
+    sizes = sizes | {"rounds": options.rounds or sizes["rounds"]}
+    path = (FETCHED / "results" if options.quick else RESULTS) / f"{_stem()}.md"
+    commit()  # of the code before the report changes
     with tempfile.TemporaryDirectory() as folder:
-        run = Run({}, QUICK if options.quick else FULL, Path(folder))
+        run = Run({}, sizes, Path(folder))
         run.libraries, missing = libraries(run.say)
-        run.remarks += [f"missing: {title}: {reason}" for title, reason in missing.items()]
+        head = redacted(report.head(run.libraries, list(machine()), missing))
+        kept = path.read_text() if path.exists() else head
+        if report.head_of(kept) != head:
+            if options.renew:
+                parser.error(f"{path.name} is of other libraries, or of another machine: run without --only")
+            kept = head
+        print(head)
         for name in SECTIONS:
             if not options.only or {name, name.partition(":")[0]} & set(options.only):
-                run.measure(name, SECTIONS[name])
-    load.append(os.getloadavg()[0])
-    text = redacted(report.page(run.rows, run.libraries, list(machine()), load, run.remarks))
-    print(text)
-    if not options.only:
-        write(text, FETCHED / "results" if options.quick else RESULTS)
+                remarks = run.measure(name, SECTIONS[name])
+                section = redacted(report.section(name, run.rows.of(name), run.libraries, remarks))
+                print(section)
+                kept = report.with_section(kept, section)
+                # At once, because a whole run takes long.
+                if options.renew or not options.only:
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    path.write_text(kept)
+                    run.say(f"wrote {path.relative_to(ROOT)}")
     return 0
 
 
-def write(text: str, folder: Path) -> None:
-    """Write a report, named after this machine."""
-    folder.mkdir(parents=True, exist_ok=True)
-    stem = re.sub(r"[^a-z0-9]+", "-", f"{_cpu()} {os.cpu_count()} cores".lower()).strip("-")
-    (folder / f"{stem}.md").write_text(text)
-    print(f"wrote {folder.relative_to(ROOT)}/{stem}.md")
+def _stem() -> str:
+    """The name of this machine's report."""
+    return re.sub(r"[^a-z0-9]+", "-", f"{_cpu()} {os.cpu_count()} cores".lower()).strip("-")
 
 
 def _cpu() -> str:
@@ -172,11 +192,19 @@ def _cpu() -> str:
 def machine() -> Iterable[str]:
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     system = platform.freedesktop_os_release().get("PRETTY_NAME", platform.system())
-    yield f"{_cpu()}, {os.cpu_count()} cores, {memory:.0f} GiB; {system}, kernel {platform.release()}"
-    described = ["git", "-C", str(ROOT), "describe", "--always", "--dirty"]
-    commit = subprocess.run(described, capture_output=True, text=True).stdout.strip() or "unknown"
-    now = datetime.datetime.now(datetime.timezone.utc)
-    yield f"{now:%Y-%m-%d %H:%M} UTC, CPython {platform.python_version()}, commit {commit}"
+    kernel = platform.release().partition("-")[0]
+    yield f"{_cpu()}, {os.cpu_count()} cores, {memory:.0f} GiB; {system}, kernel {kernel}"
+    optimized = "--enable-optimizations" in (sysconfig.get_config_var("CONFIG_ARGS") or "")
+    yield f"CPython {platform.python_version()}{'' if optimized else ' (built without PGO)'}"
+
+
+@cache
+def commit() -> str:
+    """The commit of the code; pages, which may have changed since, are no part of it."""
+    git = ["git", "-C", str(ROOT)]
+    found = subprocess.run([*git, "rev-parse", "--short=8", "HEAD"], capture_output=True, text=True)
+    changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", ":!*.md", ":!docs"]).returncode
+    return (found.stdout.strip() or "unknown") + "-dirty" * bool(changed)
 
 
 def redacted(text: str) -> str:

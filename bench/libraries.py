@@ -9,12 +9,12 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 import xml.etree.ElementTree
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from release import unpacking_debs
 from release.child_environment import environment_of_children
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -22,10 +22,8 @@ FETCHED = ROOT / ".bench"
 PROGRAMS = Path(__file__).resolve().parent / "programs"
 OURS = "ours"
 
-DEBIAN_PACKAGES = """
-    libtf2-2d libtf2-dev librostime1d libcpp-common0d libroscpp-serialization0d libroscpp-core-dev
-    libconsole-bridge1.0 libgeometry-msgs-dev libstd-msgs-dev libboost1.74-dev
-""".split()
+SOURCE = "https://github.com/ros2-gbp/geometry2-release.git"
+JAZZY = "0.36.20"  # its tf2
 TRANSFORM_TREE = "0.0.9"
 
 
@@ -55,13 +53,10 @@ def libraries(say: Callable[[str], None]) -> tuple[dict[str, Library], dict[str,
     """Every library that can be had here, and why the others are missing."""
     found, missing = {OURS: ours()}, {}
     sources: dict[str, Callable[[], Iterator[Library]]] = {
-        "tf2 of a sourced ROS 2": _of_ros2,
-        "Debian's tf2 for C++, of ROS 1": _from_debian,
+        "tf2": _of_ros2 if os.environ.get("AMENT_PREFIX_PATH") else _from_source,
         "transform-tree": _from_pypi,
     }
     for title, fetch in sources.items():
-        if fetch is _from_debian and "tf2_cpp" in found:
-            continue  # it is measured only where ROS 2's is not at hand
         say(f"looking for {title}")
         try:
             for library in fetch():
@@ -76,11 +71,8 @@ def last_line(text: str) -> str:
 
 
 def _of_ros2() -> Iterator[Library]:
-    prefixes = [
-        Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix
-    ]
-    if not prefixes:
-        raise Missing("no ROS 2 is sourced")
+    """The tf2 of the sourced ROS 2."""
+    prefixes = [Path(prefix) for prefix in os.environ["AMENT_PREFIX_PATH"].split(os.pathsep) if prefix]
     for prefix in prefixes:
         manifest = prefix / "share" / "tf2" / "package.xml"
         if manifest.exists():
@@ -88,9 +80,14 @@ def _of_ros2() -> Iterator[Library]:
             break
     else:
         raise Missing("the sourced ROS 2 has no tf2")
-    folders = [folder for prefix in prefixes for folder in (prefix / "include").glob("*")]
-    library = _compile("ros2", folders, [prefix / "lib" for prefix in prefixes], ["-ltf2", "-lrcutils"])
-    yield Library("tf2_cpp", f"tf2 {version} C++", "of the sourced ROS 2", environment={"TF2_CPP": library})
+    headers = [folder for prefix in prefixes for folder in (prefix / "include").glob("*")]
+    library = FETCHED / "libtf2_sourced.so"
+    _compile(
+        library, [PROGRAMS / "tf2_cpp.cpp"], headers, [prefix / "lib" for prefix in prefixes], "tf2 rcutils"
+    )
+    yield Library(
+        "tf2_cpp", f"tf2 {version} C++", "of the sourced ROS 2", environment={"TF2_CPP": str(library)}
+    )
     # Not this environment's Python: it would find our packages of the same names.
     path = os.environ["PATH"].split(os.pathsep)
     beside = os.pathsep.join(folder for folder in path if not folder.startswith(sys.prefix))
@@ -101,28 +98,44 @@ def _of_ros2() -> Iterator[Library]:
     yield Library("ros2", f"tf2_ros {version}", "of the sourced ROS 2, in Python", python)
 
 
-def _from_debian() -> Iterator[Library]:
-    folder = FETCHED / "debian"
-    root = unpacking_debs.unpack(folder, DEBIAN_PACKAGES)
-    (binaries,) = {path.parent for path in root.glob("usr/lib/*/libtf2.so")}
-    (tf2,) = folder.glob("archives/libtf2-2d_*.deb")
-    version = tf2.name.split("_")[1].split("-")[0]
-    linked = ["-ltf2", "-lrostime", "-lcpp_common", str(next(binaries.glob("libconsole_bridge.so*")))]
-    library = _compile("ros1", [root / "usr/include"], [binaries], linked, "-DROS1")
-    note = "of ROS 1, from Debian; searches histories by bisection"
-    yield Library("tf2_cpp", f"tf2 {version} C++ (ROS 1)", note, environment={"TF2_CPP": library})
+def _from_source() -> Iterator[Library]:
+    """Jazzy's tf2, compiled here for the ROS wheels of this environment."""
+    wheels = Path(sys.prefix)
+    headers = [*(wheels / "include").glob("*")]
+    if not (wheels / "include" / "rcutils").exists():
+        raise Missing("this environment has no ROS wheels")
+    folder = FETCHED / f"tf2-{JAZZY}"
+    for package in ("tf2", "tf2_py", "tf2_ros_py"):
+        if not (folder / package).exists():
+            tag = f"release/jazzy/{package}/{JAZZY}-1"
+            _run("git", "clone", "--quiet", "--depth=1", f"--branch={tag}", SOURCE, str(folder / package))
+    headers += [folder / "tf2" / "include", Path(sysconfig.get_paths()["include"])]
+    places = [folder, wheels / "lib"]
+    bound = folder / "tf2_py"
+    extension = bound / "tf2_py" / f"_tf2_py{sysconfig.get_config_var('EXT_SUFFIX')}"
+    if not extension.exists():
+        _compile(folder / "libtf2.so", [*(folder / "tf2" / "src").glob("*.cpp")], headers, places, "rcutils")
+        _compile(extension, [bound / "src" / "tf2_py.cpp"], headers, places, "tf2 rcutils")
+    looping = folder / "libtf2_looping.so"
+    _compile(looping, [PROGRAMS / "tf2_cpp.cpp"], headers, places, "tf2 rcutils")
+    note = "compiled from its published source with -O3"
+    yield Library("tf2_cpp", f"tf2 {JAZZY} C++", note, environment={"TF2_CPP": str(looping)})
+    path = os.pathsep.join(map(str, (bound, folder / "tf2_ros_py")))
+    yield Library("ros2", f"tf2_ros {JAZZY}", "the same, in Python", environment={"PYTHONPATH": path})
 
 
-def _compile(name: str, headers: list[Path], binaries: list[Path], linked: list[str], *options: str) -> str:
-    FETCHED.mkdir(exist_ok=True)
-    source, library = PROGRAMS / "tf2_cpp.cpp", FETCHED / f"libtf2_{name}.so"
-    places = [word for folder in headers for word in ("-isystem", str(folder))]
+def _compile(
+    library: Path, sources: list[Path], headers: list[Path], places: list[Path], linked: str
+) -> None:
+    """Compile a shared library from sources, and link others, which are in these places."""
+    library.parent.mkdir(parents=True, exist_ok=True)
+    flags = ["-std=c++17", "-O3", "-DNDEBUG", "-shared", "-fPIC"]
+    flags += [word for folder in headers for word in ("-isystem", str(folder))]
     # Not -Wl,-rpath alone: what the libraries need is found by the old kind of path only.
-    places += [f"-L{folder}" for folder in binaries] + ["-Wl,--disable-new-dtags"]
-    places += [f"-Wl,-rpath,{folder}" for folder in binaries]
-    flags = ["-std=c++17", "-O3", "-DNDEBUG", "-shared", "-fPIC", *options]
-    _run("g++", *flags, "-o", str(library), str(source), *places, *linked)
-    return str(library)
+    ways = [f"-L{folder}" for folder in places] + ["-Wl,--disable-new-dtags"]
+    ways += [f"-Wl,-rpath,{folder}" for folder in places]
+    names = [f"-l{name}" for name in linked.split()]
+    _run("g++", *flags, "-o", str(library), *map(str, sources), *ways, *names)
 
 
 def _from_pypi() -> Iterator[Library]:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,11 +21,16 @@ TITLES = {
     "memory": "Memory, bytes per sample",
     "receiving:cpu": "CPU of a process per message it receives, µs",
     "receiving:waits": "How soon a waiting lookup returns, µs",
-    "online": "Lookups beside a process that publishes 300 frames at 50 Hz, µs; CPU seconds per second",
+    "tf2_rs:offline": "Lookups as in the evaluation of tf2_rs, offline, µs",
+    "tf2_rs:online": "The same, online: beside a process that publishes 300 frames at 50 Hz, µs; CPU seconds "
+    "per second",
     "nodes": "CPU seconds per second of nodes that are spun, all together",
     "frozen": "Frozen files: writing, opening and lookups, µs; bytes per sample",
 }
-BUSY = 0.75  # load for each core, this run's own included
+METHOD = (
+    "Each library runs in processes of its own, which take turns, round by round. The values are medians of "
+    "all rounds, with the 5th and the 95th percentile; the empty loop is subtracted."
+)
 UNITS = {
     "B": "{:.1f} B",
     "/s": "{:.2f}/s",
@@ -72,36 +77,41 @@ class Rows(dict[tuple[Any, ...], Row]):
         return [row for row in self.values() if row.section == section]
 
 
-def page(
-    rows: Rows,
-    libraries: Mapping[str, Library],
-    machine: Sequence[str],
-    load: Sequence[float],
-    remarks: Iterable[str],
-) -> str:
+def head(libraries: Mapping[str, Library], machine: Iterable[str], missing: Mapping[str, str]) -> str:
     """
-    The report.
+    The beginning of the report, which all its sections share.
 
-    :param machine: lines about the machine; `load` is its load average before and after.
-    :param remarks: what is missing, and why.
+    :param machine: lines about the machine.
+    :param missing: libraries that cannot be had, and why.
     """
     lines = ["# Benchmark", "", *(f"- {line}" for line in machine)]
-    lines += [f"- load average before and after: {load[0]:.1f}, {load[1]:.1f}"]
-    if max(load) > BUSY * (os.cpu_count() or 1):
-        lines += [
-            "- **the machine was busy**: the figures of threads, and of what needs caches, are too high"
-        ]
     lines += [f"- {library.title}: {library.note}" for library in libraries.values()]
-    lines += [f"- {remark}" for remark in (*remarks, *_failures(rows, libraries))]
-    lines += [
-        "",
-        "Each library runs in processes of its own, which take turns, round by round. The values are ",
-    ]
-    lines[-1] += "medians of all rounds, with the 5th and the 95th percentile; the empty loop is subtracted."
-    for section, title in TITLES.items():
-        if own := rows.of(section):
-            lines += ["", f"## {title}", "", *_table(own, libraries)]
+    lines += [f"- missing: {title}: {reason}" for title, reason in missing.items()]
+    lines += ["", METHOD]
     return "\n".join(lines) + "\n"
+
+
+def section(name: str, rows: Sequence[Row], libraries: Mapping[str, Library], remarks: Iterable[str]) -> str:
+    """
+    The text of a section.
+
+    :param remarks: how it was measured, and what failed.
+    """
+    lines = [f"## {TITLES[name]}", "", *(f"- {one}" for one in (*remarks, *_failures(rows, libraries)))]
+    return "\n".join([*lines, "", *_table(rows, libraries)]) + "\n"
+
+
+def head_of(text: str) -> str:
+    """The head of a report."""
+    return text.partition("\n## ")[0]
+
+
+def with_section(text: str, section: str) -> str:
+    """A report with this section, which replaces the one of the same title."""
+    first, *others = re.split(r"\n(?=## )", text)
+    found = {one.partition("\n")[0]: one for one in (*others, section)}
+    order = [f"## {title}" for title in TITLES.values()]
+    return "\n".join([first, *sorted(found.values(), key=lambda one: order.index(one.partition("\n")[0]))])
 
 
 def _table(rows: Sequence[Row], libraries: Mapping[str, Library]) -> Iterable[str]:
@@ -139,7 +149,7 @@ def _number(row: Row, value: float) -> str:
     return f"{value / 1e3:.0f}" if value >= 1e6 else f"{value / 1e3:.3g}"
 
 
-def _failures(rows: Rows, libraries: Mapping[str, Library]) -> Iterable[str]:
+def _failures(rows: Sequence[Row], libraries: Mapping[str, Library]) -> Iterable[str]:
     for who, library in libraries.items():
-        if failed := sum(row.failed for row in rows.values() if row.who == who):
+        if failed := sum(row.failed for row in rows if row.who == who):
             yield f"!: {library.title} had no answer to {failed:,} calls, which are not timed"

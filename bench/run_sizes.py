@@ -22,8 +22,9 @@ FULL: dict[str, Any] = {
     "filling": 700,
     "receive_s": 5.0,  # of publishing, for each load in each round
     "wakes": 200,  # lookups of each kind in each round
+    "evaluated_frames": 500,
     "online_frames": 300,
-    "online_s": 8.0,  # of lookups, for each number of hops in each round
+    "online_s": 5.0,  # of lookups, for each number of hops in each round
     "nodes": 10,
     "frozen_samples": 5_000_000,
     "frozen_frames": 50,
@@ -35,6 +36,7 @@ QUICK = FULL | {
     "queries": 500,
     "budget_s": 0.03,
     "dynamic_frames": (100,),
+    "evaluated_frames": 100,
     "depths": (100, 10_000),
     "vector_pairs": 4,
     "inserts": 2000,

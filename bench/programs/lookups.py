@@ -6,6 +6,7 @@ from trees_and_queries import bushy, chain
 
 HOPS = (1, 4, 10)
 DEEP_HOPS = 4
+EVALUATED_S = 2.0  # enough for all 5,000 lookups that warm up
 MOVING_SAMPLES = 1000  # per frame
 TURNING = "chain with random rotations"  # slerp takes its branch for samples that are far apart
 MOVING, MOUNTED = 2, 6  # odometry and localisation; the frames from the base to a camera's optics
@@ -19,6 +20,24 @@ def lookups(rows, sizes, library):
             queries = tree.queries(pairs, tree.times(place, sizes.queries))
             for way in library.ways:
                 rows.time_lookups(library, way, labels, queries, sizes)
+
+
+def as_evaluated(rows, sizes, library):
+    """
+    The two kinds offline of the evaluation of tf2_rs: a tree of static frames, and one half of whose frames
+    move, at random times.
+    """
+    frames = sizes.evaluated_frames
+    static = bushy(f"static {frames}", frames, 0.0, 0)
+    for tree in static, bushy(f"dynamic {frames}", frames, 0.5, round(sizes.seconds * 100)):
+        library.load(tree)
+        place = _places(tree, "past")[0]
+        for hops in HOPS:
+            labels = {"tree": tree.name, "place": place, "hops": hops}
+            queries = tree.queries(tree.pairs(hops, sizes.queries), tree.times(place, sizes.queries))
+            for way in library.ways:
+                if "matrix" not in way:
+                    rows.time_lookups(library, way, labels, queries, sizes, budget_s=EVALUATED_S)
 
 
 def vectors(rows, sizes, library):

@@ -40,15 +40,16 @@ class Rows(list):
             row = {"way": way, "labels": labels, "unit": unit, "failed": failed}
             self.append({**row, "values": values.tolist()})
 
-    def time_lookups(self, library, way, labels, queries, sizes, per=1):
+    def time_lookups(self, library, way, labels, queries, sizes, per=1, budget_s=None):
         """
         Add the row of lookups.
 
         :param per: transforms that one call looks up.
         """
         function, calls = library.calls(way, queries)
-        library.time(function, calls, sizes.warm_up if per == 1 else 2, sizes.budget_s)
-        times, failed = library.time(function, calls, max(len(calls), sizes.calls // per), sizes.budget_s)
+        budget_s = budget_s or sizes.budget_s
+        library.time(function, calls, sizes.warm_up if per == 1 else 2, budget_s)
+        times, failed = library.time(function, calls, max(len(calls), sizes.calls // per), budget_s)
         self.add(way, labels, times / per, failed=failed)
 
 

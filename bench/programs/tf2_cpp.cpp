@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: tf2-ros-cython contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-// The timed loops around tf2 for C++, as a library that tf2_cpp_library.py loads. -DROS1: ROS 1's, otherwise ROS 2's.
+// The timed loops around tf2 for C++, as a library that tf2_cpp_library.py loads.
 #include <tf2/buffer_core.h>
 #include <tf2/exceptions.h>
 
@@ -10,22 +10,10 @@
 #include <string>
 #include <vector>
 
-#ifdef ROS1
-#include <geometry_msgs/TransformStamped.h>
-#else
 #include <geometry_msgs/msg/transform_stamped.hpp>
-#endif
 
 const int64_t S = 1000000000;
 
-#ifdef ROS1
-using Message = geometry_msgs::TransformStamped;
-using Time = ros::Time;
-using Duration = ros::Duration;
-Time time_of(int64_t ns) { return Time(ns / S, ns % S); }
-Duration duration_of(int64_t ns) { return Duration(ns / S, ns % S); }
-Time stamp_of(int64_t ns) { return time_of(ns); }
-#else
 using Message = geometry_msgs::msg::TransformStamped;
 using Time = tf2::TimePoint;
 using Duration = tf2::Duration;
@@ -37,7 +25,6 @@ builtin_interfaces::msg::Time stamp_of(int64_t ns) {
   stamp.nanosec = ns % S;
   return stamp;
 }
-#endif
 
 // As trees_and_queries.py has them; frames by index.
 struct Record {

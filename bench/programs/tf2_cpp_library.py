@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""tf2 for C++, of ROS 2 or of ROS 1; the loops run in C++ (tf2_cpp.cpp, compiled to $TF2_CPP)."""
+"""tf2 for C++; the loops run in C++ (tf2_cpp.cpp, compiled to $TF2_CPP)."""
 
 import os
 from ctypes import CDLL, POINTER, c_char_p, c_double, c_int64, c_size_t, c_void_p

@@ -235,6 +235,15 @@ def test_a_heading_for_columns_that_are_not_needed_is_a_remedy(read):
 
 
 TIMES = "".join(f"{seconds(ns)}\n" for ns in POSES.times_ns)
+PLANAR = Poses(  # its angles are not within half a turn
+    POSES.times_ns,
+    POSES.translations * [1, 1, 0],
+    [[0, 0, np.sin(angle / 2), np.cos(angle / 2)] for angle in (0.0, -3.1, 7.5, 1e-9, 1.5)],
+)
+PLANAR_ROWS = [
+    f"{x!r} {y!r} {angle!r}"
+    for (x, y, _), angle in zip(PLANAR.translations.tolist(), (0.0, -3.1, 7.5, 1e-9, 1.5), strict=True)
+]
 WITHOUT_STAMPS = "".join(f"{line.partition(' ')[2]}\n" for line in tum(POSES).splitlines())
 MATRICES = kitti(POSES).splitlines()
 BY_COMMAND = {
@@ -243,6 +252,13 @@ BY_COMMAND = {
         f"VERTEX_SE3:QUAT {i} {line}\n" for i, line in enumerate(WITHOUT_STAMPS.splitlines())
     )
     + "EDGE_SE3:QUAT 0 1 0 0 0 0 0 0 1\n",
+    "a graph of g2o with parameters first": "PARAMS_SE3OFFSET 0 0 0 0 0 0 0 1\n"
+    + "".join(f"VERTEX_SE3:QUAT {i} {line}\n" for i, line in enumerate(WITHOUT_STAMPS.splitlines())),
+    "a 2-D graph of g2o": "FIX 0\n"
+    + "".join(f"VERTEX_SE2 {i} {line}\n" for i, line in enumerate(PLANAR_ROWS))
+    + "VERTEX_XY 5 1 2\nEDGE_SE2 0 1 0.5 0 0 1 0 0 1 0 1\n",
+    "a 2-D graph of TORO": "".join(f"VERTEX2 {i} {line}\n" for i, line in enumerate(PLANAR_ROWS))
+    + "EDGE2 0 1 0.5 0 0 1 0 1 1 0 0\n",
     "decimal commas": tum(POSES).replace(".", ","),
     "semicolons": tum(POSES, separator=";").replace(".", ","),
 }
@@ -260,7 +276,8 @@ def test_an_advised_command_makes_a_file_that_can_be_read(read, tmp_path, kind):
     with pytest.raises(BagError, match="(paste|awk|tr) ") as raised:
         read(BY_COMMAND[kind])
     command = str(raised.value).rpartition(": ")[2].replace("FILE", "poses.txt")
-    check(read(subprocess.run(command, shell=True, cwd=tmp_path, capture_output=True, check=True).stdout))
+    made = subprocess.run(command, shell=True, cwd=tmp_path, capture_output=True, check=True).stdout
+    check(read(made), PLANAR if "2-D" in kind else POSES)
 
 
 @in_a_shell

@@ -487,6 +487,15 @@ def _is_number(text: str) -> bool:
 # Texts.
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d*(?:[eE][-+]?\d+)?")
+# What a file may be, by the first line that is not understood, and what to do about it.
+HINTS = (
+    (
+        re.compile("^(VERTEX|EDGE|FIX|PARAMS)"),
+        "a graph of g2o has no stamps. If times.txt has those of its vertices, this writes the format of TUM:"
+        " awk '/^VERTEX_SE3:QUAT/ {print $3, $4, $5, $6, $7, $8, $9} /^VERTEX(_SE)?2/ {printf"
+        ' "%s %s 0 0 0 %.17g %.17g\\n", $3, $4, sin($5 / 2), cos($5 / 2)}\' FILE | paste -d " " times.txt -',
+    ),
+)
 
 
 def _unexpected(text: str, needed: Roles, *, is_first: bool) -> str:
@@ -499,11 +508,9 @@ def _advice(text: str, needed: Roles, *, is_first: bool) -> str:
     separator, awk = (",", "awk -F ,") if "," in text else (" ", "awk")
     if ";" in text or len(words) > 1 and all(map(DECIMAL_COMMA.fullmatch, words)):
         return "; write decimal points, and commas or spaces between numbers: tr ',;' '. ' < FILE"
-    if text.startswith(("VERTEX", "EDGE", "FIX ")):
-        return (
-            "; a graph of g2o has no stamps. If times.txt has those of its vertices:"
-            " awk '/^VERTEX_SE3:QUAT/ {print $3, $4, $5, $6, $7, $8, $9}' FILE | paste -d ' ' times.txt -"
-        )
+    for pattern, remedy in HINTS:
+        if pattern.search(text):
+            return f"; {remedy}"
     if needed == TIMES:
         several = "; if one of its columns is the stamp, add a first line such as: timestamp [ns],file"
         return several if len(fields) > 1 else ""

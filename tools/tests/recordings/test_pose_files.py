@@ -9,11 +9,13 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from pose_file_forms import FORMS, Poses, kitti, seconds, shuffled, table, tum
+from pose_file_forms import FORMS, Poses, kitti, seconds, shuffled, table, tum, w_first
 
+from tf2_geometry_msgs import rpy_from_quaternion
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools.bag import BagError
 from tf2_ros_tools.recordings.pose_files import read_kitti, read_table, read_times
@@ -183,6 +185,7 @@ WRONG_OF_KITTI = {
     "1e200 0 0 0 0 1 0 0 0 0 1 0\n": "line 1: the numbers are not a rotation matrix and a position$",
     "1 0 0 0 0 1 0 0 0 0 1 0\n" * 2: "a stamp for each of the 2 poses in .*poses.txt, got 1 in .*times.txt$",
     "poses\n": "poses.txt, line 1: expected 12 numbers",
+    "r11 r12 r13 t1 r21\n": "line 1: .*; the format of KITTI has no heading: tail -n \\+2 FILE$",
 }
 
 
@@ -232,6 +235,62 @@ def test_a_heading_for_columns_that_are_not_needed_is_a_remedy(read):
         read(text)
     _, advised = str(raised.value).split("such as: ")
     check(read(f"{advised.replace(' and further names', ' c1 c2')}\n{text}"))
+
+
+ELEMENTS = {
+    "r11": "t x y z r11 r12 r13 r21 r22 r23 r31 r32 r33",
+    "R_00": "# time,x,y,z,R_00,R_01,R_02,R_10,R_11,R_12,R_20,R_21,R_22",
+    "m00": "timestamp px py pz m00 m01 m02 m10 m11 m12 m20 m21 m22",
+    "R[0][0]": "t x y z R[0][0] R[0][1] R[0][2] R[1][0] R[1][1] R[1][2] R[2][0] R[2][1] R[2][2]",
+    "R(1,1)": "t x y z R(1,1) R(1,2) R(1,3) R(2,1) R(2,2) R(2,3) R(3,1) R(3,2) R(3,3)",
+    "T00": "T00 T01 T02 T03 T10 T11 T12 T13 T20 T21 T22 T23",
+}
+
+
+@pytest.mark.parametrize("kind", ELEMENTS)
+def test_rotation_matrices_are_converted_as_the_error_says(read, kind):
+    with pytest.raises(BagError, match="of a rotation matrix, the columns qx qy qz qw are") as raised:
+        read(f"{ELEMENTS[kind]}\n{'1 ' * 13}\n")
+    names = [f"r{row}{column}" for row in "123" for column in "123"]
+    matrices = POSES.matrices()[:, :3, :3].reshape(-1, 9)
+    check_advised(read, str(raised.value), [dict(zip(names, one, strict=True)) for one in matrices])
+
+
+@pytest.mark.parametrize(
+    "heading", ["t x y z roll pitch yaw", "time,x,y,z,euler_x,euler_y,euler_z", "VERTEX3 0 1 2 3 0.1 0.2 0.3"]
+)
+def test_angles_are_converted_as_the_error_says(read, heading):
+    with pytest.raises(BagError, match="of angles in radians, the columns qx qy qz qw are") as raised:
+        read(f"{heading}\n1 2 3 4 5 6 7\n")
+    angles = [rpy_from_quaternion(Quaternion(x=x, y=y, z=z, w=w)) for x, y, z, w in POSES.rotations.tolist()]
+    check_advised(
+        read,
+        str(raised.value),
+        [{"roll": roll, "pitch": pitch, "yaw": yaw} for roll, pitch, yaw in angles],
+    )
+
+
+def check_advised(read, advice, rotations):
+    """Convert with the code in the error, once for each rotation."""
+    pytest.importorskip("scipy")
+    imports, code = advice.split("`")[1::2]
+    names = {}
+    exec(imports, names)
+    rows = [
+        f"{seconds(ns)} {x!r} {y!r} {z!r} {' '.join(map(repr, eval(code, names, rotation).tolist()))}\n"
+        for ns, (x, y, z), rotation in zip(
+            POSES.times_ns, POSES.translations.tolist(), rotations, strict=True
+        )
+    ]
+    check(read("".join(rows)))
+
+
+def test_numbered_parts_of_a_quaternion_are_named_as_the_error_says(read):
+    text = w_first(POSES, "t,x,y,z,q_0,q_1,q_2,q_3")
+    with pytest.raises(BagError, match="qw qx qy qz if the real part is the first") as raised:
+        read(text)
+    named = str(raised.value).split("quaternion ")[1].split(" if ")[0].replace(" ", ",")
+    check(read(text.replace("q_0,q_1,q_2,q_3", named)))
 
 
 TIMES = "".join(f"{seconds(ns)}\n" for ns in POSES.times_ns)

@@ -289,7 +289,10 @@ def _of_columns(columns: Sequence[_Column], needed: Roles) -> _Layout:
         if len(same := [one.name for one in columns if one.role == role]) > 1:
             raise ValueError(f"the heading has several columns for {_SHOWN[role]}: {_listed(same)}")
     if missing := [_SHOWN[role] for role in needed if role not in roles]:
-        raise ValueError(f"the heading has no column for {_listed(missing)}; its names are like {EXAMPLE}")
+        hint = _hint(" ".join(one.name for one in columns)) if "qw" in missing else ""
+        raise ValueError(
+            f"the heading has no column for {_listed(missing)}; its names are like {EXAMPLE}{hint}"
+        )
     wanted = (*needed, NANOSECONDS) if NANOSECONDS in roles else needed
     places = tuple(map(roles.index, wanted))
     stamp = columns[roles.index(STAMP)]
@@ -487,8 +490,28 @@ def _is_number(text: str) -> bool:
 # Texts.
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d*(?:[eE][-+]?\d+)?")
+
 # What a file may be, by the first line that is not understood, and what to do about it.
+MATRIX = re.compile(
+    r"(?<![a-z0-9])(r|rot|rotation|c|dcm|t|tf|m|mat|matrix|h|pose)[_\[(]*([01])[_\[\](), ]*\2(?!\d)", re.I
+)
+_QUATERNION = "the columns qx qy qz qw are, with `from scipy.spatial.transform import Rotation`:"
 HINTS = (
+    (
+        MATRIX,
+        f"of a rotation matrix, {_QUATERNION}"
+        " `Rotation.from_matrix([[r11, r12, r13], [r21, r22, r23], [r31, r32, r33]]).as_quat()`",
+    ),
+    (
+        re.compile("roll|yaw|euler|rpy|theta|heading|^VERTEX3", re.I),
+        f"of angles in radians, {_QUATERNION} `Rotation.from_euler('xyz', [roll, pitch, yaw]).as_quat()`;"
+        " in a plane, z, roll and pitch are 0",
+    ),
+    (
+        re.compile(r"(?<![a-z])(q|quat|quaternion)[_.\[(]*0", re.I),
+        "name the parts of a quaternion qw qx qy qz if the real part is the first, or qx qy qz qw if it is"
+        " the last",
+    ),
     (
         re.compile("^(VERTEX|EDGE|FIX|PARAMS)"),
         "a graph of g2o has no stamps. If times.txt has those of its vertices, this writes the format of TUM:"
@@ -496,6 +519,10 @@ HINTS = (
         ' "%s %s 0 0 0 %.17g %.17g\\n", $3, $4, sin($5 / 2), cos($5 / 2)}\' FILE | paste -d " " times.txt -',
     ),
 )
+
+
+def _hint(text: str) -> str:
+    return next((f"; {remedy}" for pattern, remedy in HINTS if pattern.search(text)), "")
 
 
 def _unexpected(text: str, needed: Roles, *, is_first: bool) -> str:
@@ -508,9 +535,10 @@ def _advice(text: str, needed: Roles, *, is_first: bool) -> str:
     separator, awk = (",", "awk -F ,") if "," in text else (" ", "awk")
     if ";" in text or len(words) > 1 and all(map(DECIMAL_COMMA.fullmatch, words)):
         return "; write decimal points, and commas or spaces between numbers: tr ',;' '. ' < FILE"
-    for pattern, remedy in HINTS:
-        if pattern.search(text):
-            return f"; {remedy}"
+    if needed == KITTI and MATRIX.search(text):
+        return "; the format of KITTI has no heading: tail -n +2 FILE"
+    if hint := _hint(text):
+        return hint
     if needed == TIMES:
         several = "; if one of its columns is the stamp, add a first line such as: timestamp [ns],file"
         return several if len(fields) > 1 else ""

@@ -116,7 +116,18 @@ def shuffled(poses, order, dice):
     :param dice: a random.Random, which chooses among the names.
     """
     stamp = dice.choice(
-        ["timestamp", "time", "t", "stamp", "Time [s]", "timestamp(s)", "stamp_ns", "t[ms]", "time (us)"]
+        [
+            "timestamp",
+            "time",
+            "t",
+            "ts",
+            "stamp",
+            "Time [s]",
+            "timestamp(s)",
+            "stamp_ns",
+            "t[ms]",
+            "time (us)",
+        ]
     )
     style = dice.choice(["{}", "t{}", "p{}", "p_{}", "pos_{}", "position.{}", "p_W_{} [m]", "{}(m)"])
     turn = dice.choice(["q{}", "q_{}", "q.{}", "quat_{}", "orientation.{}", "q_WB_{} []"])

@@ -145,7 +145,6 @@ REFUSED = {
     "time x y z\n": "line 1: the heading has no column for qx, qy, qz, qw; its names are like timestamp tx",
     "# time x y z\n": "line 1: the heading has no column for qx, qy, qz, qw; its names are like timestamp tx",
     "# id x y z qx qy qz qw\n0 0 0 0 0 0 0 1\n": "line 1: the heading has no column for timestamp; ",
-    "#timestamp_kf,x,y,z,qw,qx,qy,qz\n": "line 1: the heading has no column for timestamp; ",
     f"{TUM} time\n": "line 1: the heading has several columns for timestamp: timestamp, time$",
     "t x y z px qx qy qz qw\n": "line 1: the heading has several columns for tx: x, px$",
     "timestamp,nsec,x,y,z,qx,qy,qz,qw\n": "line 1: .* several columns for timestamp: timestamp, nsec$",
@@ -227,6 +226,36 @@ def test_a_heading_with_the_unit_of_stamps_is_a_remedy(read, unit, factor):
         read(text)
     _, name = str(raised.value).split("say so in the heading: ")
     check(read(text.replace("timestamp", name)), poses)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ns", 1), ("us", 1_000), ("ms", 1_000_000)])
+@pytest.mark.parametrize("name", ["t [s]", "timestamp(s)", "stamp_s"])
+def test_a_wrong_unit_of_stamps_in_the_heading_is_noticed(read, name, unit, factor):
+    poses = Poses([ns // factor * factor for ns in POSES.times_ns], POSES.translations, POSES.rotations)
+    text = table(poses, lambda ns, numbers: ",".join([str(ns // factor), *numbers]))
+    heading = "{},x,y,z,qx,qy,qz,qw\n{}"
+    with pytest.raises(BagError, match=f"too large.*; if it is in {unit}, say so in the heading: ") as raised:
+        read(heading.format(name, text))
+    check(read(heading.format(str(raised.value).rpartition(": ")[2], text)), poses)
+
+
+@pytest.mark.parametrize("name", ["ts [ns]", "TS(ns)", "ts_nsec", "timestamp_ns", "time_nanoseconds", "t_ns"])
+def test_a_stamp_has_many_names(read, name):
+    check(read(table(POSES, lambda ns, numbers: ",".join([str(ns), *numbers]), f"{name},x,y,z,qx,qy,qz,qw")))
+
+
+def test_the_parts_of_a_stamp_may_be_fields_of_messages(read):
+    names = "header.stamp.sec,header.stamp.nanosec,x,y,z,qx,qy,qz,qw"
+    check(read(table(POSES, lambda ns, numbers: ",".join([f"{ns // S},{ns % S}", *numbers]), names)))
+
+
+@pytest.mark.parametrize("name", ["timestamp_kf", "nav_time", "Timestamp nanosec"])
+def test_a_column_that_may_be_the_stamp_is_named(read, name):
+    text = table(POSES, lambda ns, numbers: ",".join([str(ns), *numbers]), f"#{name},x,y,z,qx,qy,qz,qw")
+    with pytest.raises(BagError, match=f"no column for timestamp; .*; if #?{name} is the stamp, ") as raised:
+        read(text)
+    called = str(raised.value).split("timestamp, or ")[1].split(" if it is in ns")[0]
+    check(read(text.replace(name, called)))
 
 
 def test_a_heading_for_columns_that_are_not_needed_is_a_remedy(read):

@@ -162,10 +162,13 @@ NO_UNITS = {"-": 1.0, "1": 1.0}
 UNITS = {**dict.fromkeys((STAMP, NANOSECONDS), TIME_UNITS), **dict.fromkeys(POSE[:3], LENGTH_UNITS)}
 
 # The names of columns, in lower case and without units. Dots separate the fields of messages.
-STAMPS = re.compile(r"time|timestamp|t|stamp|(\w+\.)*header\.stamp")
+STAMPS = re.compile(r"time|timestamp|t|ts|stamp|(\w+\.)*header\.stamp")
 POSITIONS = re.compile(r"(?:t|p|pos|position|translation|p_\w+|(?:\w+\.)*position)?[_.]?([xyz])")
 ROTATIONS = re.compile(r"(?:q|quat|quaternion|rotation|orientation|q_\w+|(?:\w+\.)*orientation)[_.]?([xyzw])")
-SECONDS, REST = ("sec", "secs"), ("nsec", "nsecs", "nanosec")  # two columns of one stamp
+# Two columns of one stamp.
+SECONDS = re.compile(r"((\w+\.)*stamp\.)?secs?")
+REST = re.compile(r"((\w+\.)*stamp\.)?(nsecs?|nanosec)")
+LIKE_STAMP = re.compile("time|stamp", re.I)
 OF_EUROC = re.compile(r"p_[a-z]+_[a-z]+_[xyz]")  # a format in which stamps are nanoseconds
 LONGEST_NAME = 100
 
@@ -188,13 +191,13 @@ def _column(name: str) -> _Column:
     short = _short(name)
     if short == VALID:
         return _Column(name, VALID)
-    if short in SECONDS:
-        return _Column(name, STAMP, "s")
-    if short in REST:
-        return _Column(name, NANOSECONDS, "ns")
-    short, unit = _without_unit(short)
     if len(short) > LONGEST_NAME:
         return _Column(name)
+    if SECONDS.fullmatch(short):
+        return _Column(name, STAMP, "s")
+    if REST.fullmatch(short):
+        return _Column(name, NANOSECONDS, "ns")
+    short, unit = _without_unit(short)
     if STAMPS.fullmatch(short):
         return _Column(name, STAMP, unit)
     if found := POSITIONS.fullmatch(short):
@@ -290,13 +293,16 @@ def _of_columns(columns: Sequence[_Column], needed: Roles) -> _Layout:
             raise ValueError(f"the heading has several columns for {_SHOWN[role]}: {_listed(same)}")
     if missing := [_SHOWN[role] for role in needed if role not in roles]:
         hint = _hint(" ".join(one.name for one in columns)) if "qw" in missing else ""
+        if similar := [one.name for one in columns if STAMP not in roles and LIKE_STAMP.search(one.name)]:
+            name = printable(similar[0])
+            hint = f"; if {name} is the stamp, call it timestamp, or timestamp [ns] if it is in ns"
         raise ValueError(
             f"the heading has no column for {_listed(missing)}; its names are like {EXAMPLE}{hint}"
         )
     wanted = (*needed, NANOSECONDS) if NANOSECONDS in roles else needed
     places = tuple(map(roles.index, wanted))
     stamp = columns[roles.index(STAMP)]
-    if NANOSECONDS in roles and _short(stamp.name) not in SECONDS:
+    if NANOSECONDS in roles and not SECONDS.fullmatch(_short(stamp.name)):
         both = _listed([stamp.name, columns[places[-1]].name])
         raise ValueError(f"the heading has several columns for {_SHOWN[STAMP]}: {both}")
     names_unit = bool(stamp.unit)
@@ -459,12 +465,7 @@ def _time_ns(text: str, numbers: Sequence[float], layout: _Layout) -> int:
             " timestamp [s]"
         )
     if not layout.names_unit and not layout.is_of_euroc and NOT_SECONDS <= value <= LAST_NS:
-        likely = "ms" if value < 1e14 else "us" if value < 1e17 else "ns"
-        how = f"say so in the heading: timestamp [{likely}]"
-        if not layout.has_heading:
-            columns = EXAMPLE if layout.needed == TUM else "timestamp"
-            how = f"add the first line: {columns.replace('timestamp', f'timestamp [{likely}]')}"
-        raise ValueError(f"the stamp {text} is not in seconds; if it is in {likely}, {how}")
+        raise ValueError(f"the stamp {text} is not in seconds{_unit_hint(value, layout)}")
     time_ns = LAST_NS + 1
     if value * unit < LAST_NS + S:  # a float is not exact
         time_ns = round(EXACT.multiply(Decimal(text), Decimal(unit)))
@@ -475,8 +476,21 @@ def _time_ns(text: str, numbers: Sequence[float], layout: _Layout) -> int:
                 )
             time_ns += round(numbers[-1])
     if time_ns > LAST_NS:
-        raise ValueError(f"the stamp {text} is too large: messages cannot hold {value * unit / S:g} s")
+        large = f"the stamp {text} is too large: messages cannot hold {value * unit / S:g} s"
+        raise ValueError(f"{large}{_unit_hint(value, layout)}")
     return time_ns
+
+
+def _unit_hint(value: float, layout: _Layout) -> str:
+    """Say how to name the unit of a stamp that cannot be in the one that is assumed."""
+    if not NOT_SECONDS <= value <= LAST_NS:
+        return ""
+    likely = "ms" if value < 1e14 else "us" if value < 1e17 else "ns"
+    how = f"say so in the heading: timestamp [{likely}]"
+    if not layout.has_heading:
+        columns = EXAMPLE if layout.needed == TUM else "timestamp"
+        how = f"add the first line: {columns.replace('timestamp', f'timestamp [{likely}]')}"
+    return f"; if it is in {likely}, {how}"
 
 
 def _is_number(text: str) -> bool:

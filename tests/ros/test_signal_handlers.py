@@ -14,7 +14,9 @@ import pytest
 from geometry_msgs.msg import PointStamped
 from rclpy.clock import JumpHandle
 from simulated_clock import simulate
-from times_and_transforms import S, insert, transform
+from times_and_transforms import S, insert, stamp_ns, transform
+
+from tf2_py._internal import errors
 
 SIGNALS = 200
 
@@ -116,6 +118,48 @@ def test_out_of_calls_with_changes(tf2_ros, clocked, alarms):
 
     assert alarms(change) == SIGNALS
     assert len(changes) > SIGNALS
+
+
+def test_an_insert_that_is_interrupted_loses_no_call_with_changes(tf2_ros):
+    """The interrupt comes while the insert reads a clock of the program's, before it delivers."""
+    buffer, changes, interrupts = tf2_ros.Buffer(), [], []
+
+    class Clock:
+        def now(self):
+            if interrupts:
+                raise interrupts.pop()
+            return 10 * S
+
+    buffer.clock = Clock()
+    buffer.on_change("map", "base", changes.append, max_age=100.0)
+    interrupts.append(KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        insert(buffer, "map", "base", 1)
+    insert(buffer, "map", "base", 2)
+    assert [stamp_ns(one) for one in changes] == [S, 2 * S]
+
+
+def test_an_insert_that_is_interrupted_loses_no_message_of_a_filter(tf2_ros, node, monkeypatch):
+    """The interrupt comes while the insert says why the message is dropped."""
+    buffer, dropped, interrupts = tf2_ros.Buffer(cache_time=10.0), [], [KeyboardInterrupt()]
+    extrapolation = errors.extrapolation
+
+    def interrupted(*facts):
+        if interrupts:
+            raise interrupts.pop()
+        return extrapolation(*facts)
+
+    filter = tf2_ros.MessageFilter(None, buffer, "map", 5, node=node)
+    filter.registerFailureCallback(lambda _, reason: dropped.append(reason))
+    point = PointStamped()
+    point.header.frame_id, point.header.stamp.sec = "base", 2
+    filter.add(point)
+    insert(buffer, "map", "base", 3)
+    monkeypatch.setattr(errors, "extrapolation", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        insert(buffer, "map", "base", 100)
+    assert dropped == [tf2_ros.FilterFailureReason.OUT_THE_BACK]
+    filter.close()
 
 
 def test_a_clock_calls_no_handle_that_is_gone(tf2_ros, monkeypatch):

@@ -328,7 +328,12 @@ cdef class Engine:
                 # The owner still exists: it removes its waiter, with the GIL, before it is destroyed. It must
                 # not be destroyed while it delivers.
                 owner = <WaiterOwner>waiter.owner
-                call = owner.deliver()
+                try:
+                    call = owner.deliver()
+                except BaseException as interrupt:
+                    # What a signal handler has raised. Nothing else would deliver the answer.
+                    errors.append(interrupt)
+                    call = owner.deliver()
                 owner = None
                 if call is not None and hand_over is not None:
                     hand_over(call)

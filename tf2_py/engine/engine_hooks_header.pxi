@@ -22,7 +22,8 @@ cdef class ReadHook:
 cdef class WaiterOwner:
     # The base of what waits with a Waiter. It holds its engine, and removes the waiter before it is
     # destroyed.
-    # Called with the GIL and without the lock, when the waiter has an answer and has been removed.
+    # Called with the GIL and without the lock, when the waiter has an answer and has been removed; once more
+    # if it raises.
     # Returns a callable that runs a user's code, to be called later, or None; the callable also returns one.
     cdef object deliver(self)
 

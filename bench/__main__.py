@@ -54,13 +54,13 @@ SECTIONS = {
     "clouds": Section("clouds.clouds", (OURS,)),
     "memory": Section("inserts_and_memory.memory", EVERY, rounds=1),
     "receiving:cpu": Section(
-        "receiving.cpu",
+        "receiving_and_waiting.cpu",
         ROS2,
         ["listener", "spin_once", "executor.spin_once", "spin_once+lookup"],
         ["overridden"],
         rounds=3,
     ),
-    "receiving:waits": Section("receiving.waits", ROS2, ["blocked", "own insert"], rounds=3),
+    "receiving:waits": Section("receiving_and_waiting.waits", ROS2, ["blocked", "own insert"], rounds=3),
     "tf2_rs:offline": Section("lookups.as_evaluated", (OURS, "ros2", "tf2_cpp"), rounds=5),
     "tf2_rs:online": Section("lookups_while_receiving.online", ROS2, rounds=3),
     "nodes": Section("many_nodes.many", (OURS,), ["apart", "together"], rounds=3),
@@ -170,6 +170,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 remarks = run.measure(name, SECTIONS[name])
                 section = redacted(report.section(name, run.rows.of(name), run.libraries, remarks))
                 print(section)
+                if not run.rows.of(name):
+                    return 1
                 kept = report.with_section(kept, section)
                 # At once, because a whole run takes long.
                 if options.renew or not options.only:

@@ -146,7 +146,7 @@ def _cell(row: Row) -> str:
 def _number(row: Row, value: float) -> str:
     if row.unit != "ns":
         return UNITS[row.unit].format(value)
-    return f"{value / 1e3:.0f}" if value >= 1e6 else f"{value / 1e3:.3g}"
+    return f"{value / 1e3:.0f}" if value >= 999_500 else f"{value / 1e3:.3g}"
 
 
 def _failures(rows: Sequence[Row], libraries: Mapping[str, Library]) -> Iterable[str]:

@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The report of the benchmark, whose sections are measured and renewed one by one."""
 
+import pytest
+
 from bench import report
-from bench.libraries import OURS, Library
+from bench.__main__ import SECTIONS
+from bench.libraries import OURS, PROGRAMS, Library
 
 LIBRARIES = {OURS: Library(OURS, "tf2-ros-cython", "ours")}
 HEAD = report.head(LIBRARIES, ["a machine"], {})
@@ -30,3 +33,15 @@ def test_a_section_replaces_the_one_of_its_title_and_leaves_the_others():
         "- a",
         "| 4 hops | 1 |",
     ]
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_what_measures_a_section_exists_and_the_report_has_a_title_for_it(name):
+    module, function = SECTIONS[name].function.split(".")
+    assert f"\ndef {function}(" in (PROGRAMS / f"{module}.py").read_text(encoding="utf-8")
+    assert name in report.TITLES
+
+
+def test_no_time_is_written_with_an_exponent():
+    rows = [report.Row("lookups", OURS, "buffer", {"hops": hops}, "ns", [999_499 + hops]) for hops in (0, 1)]
+    assert "| 0 hops | 999 |\n| 1 hop | 1000 |\n" in report.section("lookups", rows, LIBRARIES, [])

@@ -233,6 +233,7 @@ class Keyframes:
             used = correct(*what, **how, on_missing=one.on_missing)
             if not used:
                 none = "none of its poses can be used: "
+                self._refuse_outside(buffer, replace(poses, times_ns=times_ns), none)
                 correct(*what, **how)  # says why
         except (TransformException, ValueError) as error:
             self._refuse(buffer, replace(poses, times_ns=times_ns), none, error)
@@ -268,6 +269,20 @@ class Keyframes:
                     f"{poses.name}: its stamps end at {_seconds(last_ns)}, but the odometry begins at"
                     f" {_seconds(begin_ns)}; if they count from a start, pass it as `start` or"
                     " --trajectory-start"
+                )
+
+    def _refuse_outside(self, buffer: BufferCore, poses: StampedPoses, none: str) -> None:
+        """Refuse poses of which none is within the times of the odometry, whatever else they lack."""
+        one, times_ns = self._trajectory, poses.times_ns[poses.times_ns > 0]
+        with suppress(TransformException):  # there is no odometry
+            begin_ns, end_ns = buffer.time_range(one.child, one.moving)
+            if times_ns.size and not ((times_ns >= begin_ns) & (times_ns <= end_ns)).any():
+                first, last, begin, end = (
+                    _seconds(int(ns)) for ns in (times_ns.min(), times_ns.max(), begin_ns, end_ns)
+                )
+                raise BagError(
+                    f"{poses.name}: {none}their stamps are from {first} to {last}, but"
+                    f" {printable(one.moving)} in {printable(one.child)} is known from {begin} to {end}"
                 )
 
     def _refuse(self, buffer: BufferCore, poses: StampedPoses, none: str, error: Exception) -> NoReturn:

@@ -126,7 +126,7 @@ REFUSED = {
     f"{ROW}\n1 2 3 4 0 0\n": "line 2: expected 8 numbers, .* the row is cut off$",
     f"{TUM}\n{ROW}\n1 2 3 4 0 0\n": "line 3: the row is cut off before qz, qw: '1 2 3 4 0 0'$",
     f"{TUM}\n{ROW} 9\n": "line 2: expected at most the 8 columns of the heading, got 9$",
-    f"{ROW} 9\n": f"line 1: expected 8 numbers.*; add a first line .*, such as: {TUM} and further names$",
+    f"{ROW} 9\n": f"line 1: expected 8 numbers.*; add a first line .*: {TUM}; or, if qw .*: timestamp tx",
     f"{ROW}\n{TUM}\n": "line 2: expected 8 numbers",
     f"{ROW}\n# timestamp tx ty tz qw qx qy qz\n": "line 2: the heading differs from what is before it$",
     f"# {TUM}\n# timestamp [ms] tx ty tz qx qy qz qw\n": "line 2: the heading differs",
@@ -139,7 +139,7 @@ REFUSED = {
     "1e40 0 0 0 0 0 0 1\n": "line 1: the stamp 1e40 is too large: messages cannot hold 1e\\+40 s$",
     "2147483648 0 0 0 0 0 0 1\n": "line 1: the stamp 2147483648 is too large",
     "1 9 9 9 0 0 0 0\n": "line 1: expected a rotation of length 1, got the length 0; if the columns ",
-    "1 0 0 0 1 5 5 5\n": f"line 1: expected a rotation of length 1, got the length 8.72; .*, such as: {TUM}$",
+    "1 0 0 0 1 5 5 5\n": f"line 1: expected a rotation of length 1, got the length 8.72; .*: {TUM}; or",
     f"{TUM}\n1 0 0 0 1 5 5 5\n": "line 2: expected a rotation of length 1, got the length 8.72$",
     "1 0 0 0 1e200 0 0 0\n": "line 1: expected a rotation of length 1, got the length inf",
     "time x y z\n": "line 1: the heading has no column for qx, qy, qz, qw; its names are like timestamp tx",
@@ -216,11 +216,10 @@ def test_a_heading_with_the_unit_of_stamps_is_a_remedy(read, unit, factor):
     poses = Poses([ns // factor * factor for ns in POSES.times_ns], POSES.translations, POSES.rotations)
     text = table(poses, lambda ns, numbers: " ".join([str(ns // factor), *numbers]))
     with pytest.raises(
-        BagError, match=f"is not in seconds; if it is in {unit}, add the first line: "
+        BagError, match=f"is not in seconds; if it is in {unit}, add a first line that names all columns"
     ) as raised:
         read(text)
-    _, heading = str(raised.value).split("add the first line: ")
-    check(read(f"{heading}\n{text}"), poses)
+    check(read(f"{advised(raised.value)[0]}\n{text}"), poses)
     text = f"# {TUM}\n{text}"
     with pytest.raises(BagError, match="say so in the heading: ") as raised:
         read(text)
@@ -262,8 +261,27 @@ def test_a_heading_for_columns_that_are_not_needed_is_a_remedy(read):
     text = "".join(f"{line} 0.1 0.2\n" for line in tum(POSES).splitlines())
     with pytest.raises(BagError, match="such as: ") as raised:
         read(text)
-    _, advised = str(raised.value).split("such as: ")
-    check(read(f"{advised.replace(' and further names', ' c1 c2')}\n{text}"))
+    check(read(f"{advised(raised.value)[0]} c1 c2\n{text}"))
+
+
+def advised(error):
+    """The headings for a file without one, in which w comes last or first."""
+    return (
+        str(error)
+        .partition("such as: ")[2]
+        .split("; or, if qw comes before qx, as VINS and EuRoC write it: ")
+    )
+
+
+@pytest.mark.parametrize("velocities", [(), ("0.1", "0.2", "0.3")])
+@pytest.mark.parametrize("begin_ns", [0, 48_367_000_000 - POSES.times_ns[0]])
+def test_files_of_vins_are_read_with_the_advised_heading(read, velocities, begin_ns):
+    poses = Poses(np.array(POSES.times_ns) + begin_ns, POSES.translations, POSES.rotations)
+    text = w_first(poses, "", str, more=(*velocities, ""))
+    with pytest.raises(BagError, match="as VINS and EuRoC write it: timestamp \\[ns\\] tx") as raised:
+        read(text)
+    names = [advised(raised.value)[1], *(f"v{i}" for i in range(len(velocities)))]
+    check(read(f"{' '.join(names)}\n{text}"), poses)
 
 
 ELEMENTS = {

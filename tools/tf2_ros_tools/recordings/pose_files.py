@@ -106,7 +106,7 @@ def read_table(path: str | PathLike[str]) -> StampedPoses:
     table = _read(path, TUM)
     numbers = table.values[:, :3], table.values[:, 3:]
     poses = StampedPoses(table.name, "line", table.lines, table.times_ns, *numbers)
-    poses.check("" if table.has_heading else f"; if the columns have another order, {_ADD_HEADING}")
+    poses.check("" if table.has_heading else f"; if the columns have another order, {_add_heading()}")
     return poses
 
 
@@ -172,11 +172,10 @@ LIKE_STAMP = re.compile("time|stamp", re.I)
 OF_EUROC = re.compile(r"p_[a-z]+_[a-z]+_[xyz]")  # a format in which stamps are nanoseconds
 LONGEST_NAME = 100
 
-EXAMPLE = "timestamp tx ty tz qx qy qz qw"
+EXAMPLE, W_FIRST = "timestamp tx ty tz qx qy qz qw", "timestamp tx ty tz qw qx qy qz"
 _SHOWN = dict(zip(TUM, EXAMPLE.split(), strict=True)) | {
     one: f"row {one[0]}, column {one[1]}" for one in KITTI
 }
-_ADD_HEADING = f"add a first line that names them in the order of the file, such as: {EXAMPLE}"
 
 
 class _Column(NamedTuple):
@@ -483,14 +482,19 @@ def _time_ns(text: str, numbers: Sequence[float], layout: _Layout) -> int:
 
 def _unit_hint(value: float, layout: _Layout) -> str:
     """Say how to name the unit of a stamp that cannot be in the one that is assumed."""
-    if not NOT_SECONDS <= value <= LAST_NS:
-        return ""
-    likely = "ms" if value < 1e14 else "us" if value < 1e17 else "ns"
-    how = f"say so in the heading: timestamp [{likely}]"
+    unit = _likely_unit(value)
+    how = f"say so in the heading: timestamp [{unit}]"
     if not layout.has_heading:
-        columns = EXAMPLE if layout.needed == TUM else "timestamp"
-        how = f"add the first line: {columns.replace('timestamp', f'timestamp [{likely}]')}"
-    return f"; if it is in {likely}, {how}"
+        how = _add_heading(unit) if layout.needed == TUM else f"add the first line: timestamp [{unit}]"
+    return f"; if it is in {unit}, {how}" if unit else ""
+
+
+def _likely_unit(value: float) -> str:
+    """Guess the unit of a stamp that cannot be in seconds, from its size."""
+    if not NOT_SECONDS / 10 <= value <= LAST_NS:
+        return ""
+    # Of today, or, in ns, of a simulation that has run for some seconds.
+    return "ns" if value < NOT_SECONDS or value >= 1e17 else "us" if value >= 1e14 else "ms"
 
 
 def _is_number(text: str) -> bool:
@@ -535,6 +539,17 @@ HINTS = (
 )
 
 
+def _add_heading(unit: str = "") -> str:
+    """Say which line is to be added to a file without a heading, whose stamps are in this unit."""
+    w_last, w_first = (
+        one.replace("timestamp", f"timestamp [{unit}]" if unit else "timestamp") for one in (EXAMPLE, W_FIRST)
+    )
+    return (
+        f"add a first line that names all columns in the order of the file, such as: {w_last}; or, if qw"
+        f" comes before qx, as VINS and EuRoC write it: {w_first}"
+    )
+
+
 def _hint(text: str) -> str:
     return next((f"; {remedy}" for pattern, remedy in HINTS if pattern.search(text)), "")
 
@@ -576,7 +591,7 @@ def _advice(text: str, needed: Roles, *, is_first: bool) -> str:
     }
     if not is_first and len(fields) < len(needed):
         return "; the row is cut off"
-    more = f"; {_ADD_HEADING} and further names" if len(fields) > len(TUM) else ""
+    more = f"; {_add_heading(_likely_unit(float(fields[0])))}" if len(fields) > len(TUM) else ""
     return found.get(len(fields), more)
 
 

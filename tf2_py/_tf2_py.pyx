@@ -488,7 +488,8 @@ cdef class BufferCore(Engine):
             or time; see the class.
         """
         cdef Query query
-        query_fill(&query, target_frame, source_frame, time)
+        query_frames(&query, target_frame, source_frame)
+        query_at(&query, time)
         return self._answer(&query, target_frame, source_frame)
 
     def lookup_transform_full_core(
@@ -514,7 +515,8 @@ cdef class BufferCore(Engine):
         It raises what :meth:`lookup_transform_core` raises.
         """
         cdef Query query
-        query_fill(&query, target_frame, source_frame, source_time, "source_time")
+        query_frames(&query, target_frame, source_frame)
+        query_at(&query, source_time, "source_time")
         query_fix(&query, fixed_frame, target_time)
         return self._answer(&query, target_frame, source_frame)
 
@@ -606,7 +608,8 @@ cdef class BufferCore(Engine):
         cdef bint is_direct = out is None or require_matrix(out)
         # A name, because the query refers to its memory.
         accepted = policy_of("lookup_matrix", False, **policy) if policy else None
-        query_fill_any(&query, target_frame, source_frame, time, fixed_frame, target_time, accepted, "time")
+        query_full(&query, target_frame, source_frame, fixed_frame, target_time, accepted)
+        query_at(&query, time)
         self._lookup_or_raise(&query, &transform, &stamp_ns)
         matrix = out if out is not None and is_direct else new_matrix()
         matrix_from_transform(&transform, matrix_of(matrix))
@@ -659,12 +662,12 @@ cdef class BufferCore(Engine):
         series.nan_missing = is_nan_wanted
         catch_up(self)
         for frame in frames if is_many else ():     # all names, before the lookups
-            query_fill_series(&query, target_frame, frame, fixed_frame, target_time, accepted)
+            query_full(&query, target_frame, frame, fixed_frame, target_time, accepted)
             status = self._check_names(&query)
             if count and status.code != STATUS_OK:
                 raise self.error(&query, status)
         for i, frame in enumerate(frames if count else ()):
-            query_fill_series(&query, target_frame, frame, fixed_frame, target_time, accepted)
+            query_full(&query, target_frame, frame, fixed_frame, target_time, accepted)
             self._read_clock_for(&query, times_ns, &reading)
             if as_matrices:
                 series.matrices = doubles_of(arrays[0], 16) + 16 * count * i
@@ -720,7 +723,7 @@ cdef class BufferCore(Engine):
             raise ValueError(f"times: expected one for each of {len(rows)} points, got {series.count}")
         transformed = new_array((series.count, 3))
         accepted = policy_of("transform_points", False, **policy)      # whose memory the query refers to
-        query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time, accepted)
+        query_full(&query, target_frame, source_frame, fixed_frame, target_time, accepted)
         self._read_clock_for(&query, times_ns, &reading)
         if series.count:
             series.points = doubles_of(rows, 3)
@@ -731,7 +734,7 @@ cdef class BufferCore(Engine):
     cdef int _read_clock_for(self, Query* query, times_ns, ClockReading* reading) except -1:
         if query.policy.is_given and query.policy.judges_age:
             for time_ns in times_ns[times_ns != 0][:1]:
-                require_latest(time_ns, "every time")
+                require_latest(query, time_ns, "every time")
             self.read_clock(query, reading)
         return 0
 
@@ -759,7 +762,8 @@ cdef class BufferCore(Engine):
         An invalid name is a reason; ``TypeError``, ``ValueError`` and ``OverflowError`` are raised.
         """
         cdef Query query
-        query_fill(&query, target_frame, source_frame, time)
+        query_frames(&query, target_frame, source_frame)
+        query_at(&query, time)
         return self._can(&query)
 
     def can_transform_full_core(
@@ -772,7 +776,8 @@ cdef class BufferCore(Engine):
     ) -> tuple[int, str]:
         """Return whether :meth:`lookup_transform_full_core` would succeed; see :meth:`can_transform_core`."""
         cdef Query query
-        query_fill(&query, target_frame, source_frame, source_time, "source_time")
+        query_frames(&query, target_frame, source_frame)
+        query_at(&query, source_time, "source_time")
         query_fix(&query, fixed_frame, target_time)
         return self._can(&query)
 
@@ -832,7 +837,8 @@ cdef class BufferCore(Engine):
         """
         cdef Query query
         accepted = policy_of("explain", False, **policy)       # whose memory the query refers to
-        query_fill_any(&query, target_frame, source_frame, time, None, None, accepted)
+        query_full(&query, target_frame, source_frame, None, None, accepted)
+        query_at(&query, time)
         return self.explanation(&query)
 
     def time_range(self, target_frame: str, source_frame: str) -> tuple[int, int]:
@@ -928,7 +934,7 @@ cdef class BufferCore(Engine):
         cdef Knots knots
         cdef Py_ssize_t count
         accepted = policy_of("_poses_between", False, **policy)
-        query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time, accepted)
+        query_full(&query, target_frame, source_frame, fixed_frame, target_time, accepted)
         knots.first_ns, knots.last_ns = first_ns, last_ns
         if not is_stamp(knots.first_ns) or not is_stamp(knots.last_ns):
             return None
@@ -1034,7 +1040,8 @@ cdef class BufferCore(Engine):
     ) -> TransformStamped:
         """Look up as :meth:`lookup_transform_core`, or at two times, under a policy of ``policy_of``."""
         cdef Query query
-        query_fill_any(&query, target_frame, source_frame, time, fixed_frame, target_time, policy)
+        query_full(&query, target_frame, source_frame, fixed_frame, target_time, policy)
+        query_at(&query, time, "time" if fixed_frame is None else "source_time")
         return self._answer(&query, target_frame, source_frame)
 
     # Waiting.
@@ -1068,7 +1075,8 @@ cdef class BufferCore(Engine):
         """
         cdef Query query
         cdef Wait wait = Wait.__new__(Wait)
-        query_fill_any(&query, target_frame, source_frame, time, fixed_frame, target_time, policy)
+        query_full(&query, target_frame, source_frame, fixed_frame, target_time, policy)
+        query_at(&query, time, "time" if fixed_frame is None else "source_time")
         if after is not None:
             wait.only_after(after)
         wait._waiter.until_refused = until_refused

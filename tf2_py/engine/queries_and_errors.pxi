@@ -11,35 +11,31 @@ cdef int query_frames(Query* query, object target_frame, object source_frame) ex
     return 0
 
 
-cdef int query_fill(Query* query, object target_frame, object source_frame, object time,
-                    str argument="time") except -1:
-    query_frames(query, target_frame, source_frame)
+cdef int query_at(Query* query, object time, str argument="time") except -1:
     query.source_ns = stamp_nanoseconds(time, argument)
-    return 0
+    return require_latest(query, query.source_ns, argument)
 
 
 cdef int query_fix(Query* query, object fixed_frame, object target_time) except -1:
     query.fixed = name_utf8(fixed_frame, &query.fixed_size, "fixed_frame")
     query.target_ns = stamp_nanoseconds(target_time, "target_time")
-    return 0
+    return require_latest(query, query.target_ns, "target_time")
 
 
-cdef int query_fill_series(Query* query, object target_frame, object source_frame, object fixed_frame,
-                           object target_time, PolicyObject policy) except -1:
+cdef int query_full(Query* query, object target_frame, object source_frame, object fixed_frame,
+                    object target_time, PolicyObject policy) except -1:
     if (fixed_frame is None) != (target_time is None):
         raise TypeError("pass both fixed_frame and target_time, or neither")
     query_frames(query, target_frame, source_frame)
-    if fixed_frame is not None:
-        query_fix(query, fixed_frame, target_time)
     if policy is not None:
         query.policy = policy.policy
-        if policy.policy.judges_age and fixed_frame is not None:
-            require_latest(query.target_ns, "target_time")
+    if fixed_frame is not None:
+        query_fix(query, fixed_frame, target_time)
     return 0
 
 
-cdef int require_latest(int64_t time_ns, str argument) except -1:
-    if time_ns != 0:
+cdef int require_latest(const Query* query, int64_t time_ns, str argument) except -1:
+    if time_ns != 0 and query.policy.is_given and query.policy.judges_age:
         raise ValueError(f"max_age limits the age of the latest transform, so {argument} must be 0, "
                          f"got {errors.seconds(time_ns)} s; for a time, use tolerance")
     return 0
@@ -130,18 +126,6 @@ def policy_of(call, waits, /, **policy):
         made.policy.judges_age = True
         made._read_limits(&made.policy.max_age, max_age, "max_age", INT64_MAX)
     return made
-
-
-cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
-                        object fixed_frame, object target_time, PolicyObject policy,
-                        str argument=None) except -1:
-    query_fill_series(query, target_frame, source_frame, fixed_frame, target_time, policy)
-    if argument is None:
-        argument = "time" if fixed_frame is None else "source_time"
-    query.source_ns = stamp_nanoseconds(time, argument)
-    if query.policy.is_given and query.policy.judges_age:
-        require_latest(query.source_ns, argument)
-    return 0
 
 
 def frame_name(name, str argument):

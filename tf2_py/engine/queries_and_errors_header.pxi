@@ -3,11 +3,9 @@
 """The arguments of a lookup, and why it has no answer."""
 
 # Read the caller's objects; TypeError, ValueError or OverflowError where they do not fit.
-# Only the frames of a simple lookup, without its time.
+# The frames of a simple lookup; its time, which `argument` names; and what makes it a lookup at two times.
 cdef int query_frames(Query* query, object target_frame, object source_frame) except -1
-cdef int query_fill(Query* query, object target_frame, object source_frame, object time,
-                    str argument=*) except -1
-# Makes it a lookup at two times.
+cdef int query_at(Query* query, object time, str argument=*) except -1
 cdef int query_fix(Query* query, object fixed_frame, object target_time) except -1
 
 
@@ -21,18 +19,14 @@ cdef class PolicyObject:
     cdef list _names            # keeps the UTF-8 of the limits' names
     cdef int _read_limits(self, FrameLimits* limits, object given, str argument, int64_t others_ns) except -1
 
-# Both at two times if fixed_frame is not None, and under a policy if that is not. A series has its times
-# elsewhere. Where the policy judges ages, Engine.read_clock must follow. `argument`: what the program calls
-# the time; None: as lookup_transform and lookup_transform_full call it.
-cdef int query_fill_series(Query* query, object target_frame, object source_frame, object fixed_frame,
-                           object target_time, PolicyObject policy) except -1
-cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
-                        object fixed_frame, object target_time, PolicyObject policy,
-                        str argument=*) except -1
+# The frames of a lookup, at two times if there is a fixed frame, under a policy if there is one. query_at
+# adds the time, which a series has elsewhere. Where the policy judges ages, Engine.read_clock must follow.
+cdef int query_full(Query* query, object target_frame, object source_frame, object fixed_frame,
+                    object target_time, PolicyObject policy) except -1
 
 
-# ValueError: `max_age` is given with a time other than 0, which `argument` names.
-cdef int require_latest(int64_t time_ns, str argument) except -1
+# ValueError: the policy judges ages, and the time, which `argument` names, is not 0.
+cdef int require_latest(const Query* query, int64_t time_ns, str argument) except -1
 
 
 # Why a lookup has no answer, as an exception.

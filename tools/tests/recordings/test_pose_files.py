@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Files of poses: those that are read, and what is said about the others."""
 
+import json
 import random
+import re
 import shutil
 import subprocess
 import tracemalloc
@@ -16,7 +18,7 @@ from numpy.testing import assert_allclose
 from pose_file_forms import FORMS, Poses, kitti, seconds, shuffled, table, tum, w_first
 
 from tf2_geometry_msgs import rpy_from_quaternion
-from tf2_ros.numpy import to_matrix
+from tf2_ros.numpy import to_arrays, to_matrix
 from tf2_ros_tools.bag import BagError
 from tf2_ros_tools.recordings.pose_files import read_kitti, read_table, read_times
 
@@ -304,7 +306,13 @@ def test_rotation_matrices_are_converted_as_the_error_says(read, kind):
 
 
 @pytest.mark.parametrize(
-    "heading", ["t x y z roll pitch yaw", "time,x,y,z,euler_x,euler_y,euler_z", "VERTEX3 0 1 2 3 0.1 0.2 0.3"]
+    "heading",
+    [
+        "t x y z roll pitch yaw",
+        "time,x,y,z,euler_x,euler_y,euler_z",
+        "t x y z rx yaw r11",
+        "VERTEX3 0 1 2 3 0.1 0.2 0.3",
+    ],
 )
 def test_angles_are_converted_as_the_error_says(read, heading):
     with pytest.raises(BagError, match="of angles in radians, the columns qx qy qz qw are") as raised:
@@ -340,6 +348,29 @@ def test_numbered_parts_of_a_quaternion_are_named_as_the_error_says(read):
     check(read(text.replace("q_0,q_1,q_2,q_3", named)))
 
 
+COLMAP = "# Image list\n#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n"
+
+
+@pytest.mark.parametrize("heading", [COLMAP, ""])
+def test_the_poses_of_colmap_are_inverted_as_the_error_says(read, heading):
+    pytest.importorskip("scipy")
+    row = "1 0.8 0.2 0.4 -0.2 -2.6 3 0.6 1 a b.JPG\n1.5 2.5 -1\n"
+    with pytest.raises(
+        BagError, match="Of the camera, qx qy qz qw are -qx -qy -qz qw, and tx ty tz are"
+    ) as raised:
+        read(heading + row)
+    imports, code = str(raised.value).split("`")[1::2]
+    names = {}
+    exec(imports, names)
+    in_cameras = to_arrays(np.linalg.inv(POSES.matrices()))
+    rows = []
+    for ns, (tx, ty, tz), (qx, qy, qz, qw) in zip(POSES.times_ns, *in_cameras, strict=True):
+        position = eval(code, names, {"tx": tx, "ty": ty, "tz": tz, "qx": qx, "qy": qy, "qz": qz, "qw": qw})
+        rows.append(f"{seconds(ns)} {' '.join(map(str, [*position, -qx, -qy, -qz, qw]))}\n")
+    # Of far positions, the inverse has fewer digits.
+    check(read("".join(rows)), atol=1e-8)
+
+
 TIMES = "".join(f"{seconds(ns)}\n" for ns in POSES.times_ns)
 PLANAR = Poses(  # its angles are not within half a turn
     POSES.times_ns,
@@ -365,6 +396,15 @@ BY_COMMAND = {
     + "VERTEX_XY 5 1 2\nEDGE_SE2 0 1 0.5 0 0 1 0 0 1 0 1\n",
     "a 2-D graph of TORO": "".join(f"VERTEX2 {i} {line}\n" for i, line in enumerate(PLANAR_ROWS))
     + "EDGE2 0 1 0.5 0 0 1 0 1 1 0 0\n",
+    "JSON of nuScenes": json.dumps(
+        [
+            {"token": "a", "timestamp": ns // 1000, "rotation": [w, x, y, z], "translation": xyz}
+            for ns, xyz, (x, y, z, w) in zip(
+                POSES.times_ns, POSES.translations.tolist(), POSES.rotations.tolist(), strict=True
+            )
+        ],
+        indent=0,
+    ),
     "decimal commas": tum(POSES).replace(".", ","),
     "semicolons": tum(POSES, separator=";").replace(".", ","),
 }
@@ -379,11 +419,46 @@ in_a_shell = pytest.mark.skipif(
 @pytest.mark.parametrize("kind", BY_COMMAND)
 def test_an_advised_command_makes_a_file_that_can_be_read(read, tmp_path, kind):
     (tmp_path / "times.txt").write_text(TIMES)
-    with pytest.raises(BagError, match="(paste|awk|tr) ") as raised:
+    with pytest.raises(BagError, match="(python3|paste|awk|tr) ") as raised:
         read(BY_COMMAND[kind])
-    command = str(raised.value).rpartition(": ")[2].replace("FILE", "poses.txt")
+    command = str(raised.value).partition(": ")[2]
+    command = command[re.search("(python3|paste|awk|tr) ", command).start() :].replace("FILE", "poses.txt")
     made = subprocess.run(command, shell=True, cwd=tmp_path, capture_output=True, check=True).stdout
-    check(read(made), PLANAR if "2-D" in kind else POSES)
+    in_us = Poses([ns // 1000 * 1000 for ns in POSES.times_ns], POSES.translations, POSES.rotations)
+    check(read(made), PLANAR if "2-D" in kind else in_us if "JSON" in kind else POSES)
+
+
+def test_json_in_one_long_line_gets_the_same_advice(read):
+    with pytest.raises(
+        BagError, match="expected at most 16,384 characters; write JSON in rows; .*: python3 -c "
+    ):
+        read(json.dumps([{"timestamp": 1, "image_id": 0}] * 1000))
+
+
+@in_a_shell
+def test_a_point_cloud_of_poses_becomes_a_table_of_angles(read, tmp_path):
+    text = (
+        "# .PCD v0.7 - Point Cloud Data\nVERSION 0.7\nFIELDS x y z intensity roll pitch yaw time\n"
+        "SIZE 4 4 4 4 4 4 4 8\nTYPE F F F F F F F F\nDATA ascii\n1 2 3 0 0.1 0.2 0.3 1700000000.5\n"
+    )
+    with pytest.raises(BagError, match="a point cloud of poses, .*: sed ") as raised:
+        read(text)
+    command = str(raised.value).partition("in rows: ")[2].partition(" FILE;")[0]
+    made = subprocess.run(
+        f"{command} poses.txt", shell=True, cwd=tmp_path, capture_output=True, check=True, text=True
+    ).stdout
+    assert made == "x y z intensity roll pitch yaw time\n1 2 3 0 0.1 0.2 0.3 1700000000.5\n"
+    with pytest.raises(BagError, match="of angles in radians, the columns qx qy qz qw are"):
+        read(made)
+
+
+@pytest.mark.parametrize("more", [5, 8, 9])
+def test_as_many_columns_as_a_matrix_has_may_be_named_in_a_heading(read, more):
+    text = w_first(POSES, "", str, more=["0.5"] * more)
+    with pytest.raises(BagError, match="; otherwise, add a first line") as raised:
+        read(text)
+    names = [advised(raised.value)[1], *(f"c{i}" for i in range(more))]
+    check(read(f"{' '.join(names)}\n{text}"))
 
 
 @in_a_shell

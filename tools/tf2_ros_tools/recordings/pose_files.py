@@ -291,7 +291,8 @@ def _of_columns(columns: Sequence[_Column], needed: Roles) -> _Layout:
         if len(same := [one.name for one in columns if one.role == role]) > 1:
             raise ValueError(f"the heading has several columns for {_SHOWN[role]}: {_listed(same)}")
     if missing := [_SHOWN[role] for role in needed if role not in roles]:
-        hint = _hint(" ".join(one.name for one in columns)) if "qw" in missing else ""
+        names = " ".join(one.name for one in columns)
+        hint = _hint(names) if "qw" in missing or COLMAP.search(names) else ""
         if similar := [one.name for one in columns if STAMP not in roles and LIKE_STAMP.search(one.name)]:
             name = printable(similar[0])
             hint = f"; if {name} is the stamp, call it timestamp, or timestamp [ns] if it is in ns"
@@ -403,7 +404,8 @@ def _lines(path: str | PathLike[str], name: str) -> Iterator[tuple[int, str]]:
             if "\0" in line:
                 raise BagError(f"{name}, line {number}: expected a text in UTF-8, got binary data")
             if len(line) == MOST_CHARACTERS and line[-1] != "\n":
-                raise BagError(f"{name}, line {number}: expected at most {MOST_CHARACTERS:,} characters")
+                most = f"expected at most {MOST_CHARACTERS:,} characters"
+                raise BagError(f"{name}, line {number}: {most}{_hint(line)}")
             yield number, line
 
 
@@ -511,19 +513,39 @@ DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d*(?:[eE][-+]?\d+)?")
 
 # What a file may be, by the first line that is not understood, and what to do about it.
 MATRIX = re.compile(
-    r"(?<![a-z0-9])(r|rot|rotation|c|dcm|t|tf|m|mat|matrix|h|pose)[_\[(]*([01])[_\[\](), ]*\2(?!\d)", re.I
+    r"(?<![a-z0-9])(r|rot|rotation|dcm|t|tf|m|mat|matrix|h|pose)[_\[(]*([01])[_\[\](), ]*\2(?!\d)", re.I
 )
-_QUATERNION = "the columns qx qy qz qw are, with `from scipy.spatial.transform import Rotation`:"
+COLMAP = re.compile(r"IMAGE_ID|\.(jpe?g|png)$", re.I)
+_SCIPY = "with `from scipy.spatial.transform import Rotation`:"
+_QUATERNION = f"the columns qx qy qz qw are, {_SCIPY}"
 HINTS = (
     (
-        MATRIX,
-        f"of a rotation matrix, {_QUATERNION}"
-        " `Rotation.from_matrix([[r11, r12, r13], [r21, r22, r23], [r31, r32, r33]]).as_quat()`",
+        re.compile(r"^[\[{]"),
+        'write JSON in rows; this does so with ego_pose.json of nuScenes: python3 -c "import json;'
+        " print('timestamp [us],tx,ty,tz,qw,qx,qy,qz'); [print(p['timestamp'], *p['translation'],"
+        " *p['rotation'], sep=',') for p in json.load(open('FILE'))]\"",
+    ),
+    (
+        re.compile(r"^VERSION 0?\.\d"),
+        "write a point cloud of poses, as LIO-SAM saves it, in rows: sed -n 's/^FIELDS //p;"
+        " /^DATA/,${/^DATA/!p}' FILE; if its DATA are binary, convert it first:"
+        " pcl_convert_pcd_ascii_binary FILE ascii.pcd 0 17",
+    ),
+    (
+        COLMAP,
+        "images.txt of COLMAP has no stamps, and the pose of the world in each camera. Of the camera,"
+        f" qx qy qz qw are -qx -qy -qz qw, and tx ty tz are, {_SCIPY}"
+        " `Rotation.from_quat([-qx, -qy, -qz, qw]).apply([-tx, -ty, -tz])`",
     ),
     (
         re.compile("roll|yaw|euler|rpy|theta|heading|^VERTEX3", re.I),
         f"of angles in radians, {_QUATERNION} `Rotation.from_euler('xyz', [roll, pitch, yaw]).as_quat()`;"
         " in a plane, z, roll and pitch are 0",
+    ),
+    (
+        MATRIX,
+        f"of a rotation matrix, {_QUATERNION}"
+        " `Rotation.from_matrix([[r11, r12, r13], [r21, r22, r23], [r31, r32, r33]]).as_quat()`",
     ),
     (
         re.compile(r"(?<![a-z])(q|quat|quaternion)[_.\[(]*0", re.I),
@@ -532,7 +554,7 @@ HINTS = (
     ),
     (
         re.compile("^(VERTEX|EDGE|FIX|PARAMS)"),
-        "a graph of g2o has no stamps. If times.txt has those of its vertices, this writes the format of TUM:"
+        "a graph of g2o has no stamps. If times.txt has those of its poses, this writes the format of TUM:"
         " awk '/^VERTEX_SE3:QUAT/ {print $3, $4, $5, $6, $7, $8, $9} /^VERTEX(_SE)?2/ {printf"
         ' "%s %s 0 0 0 %.17g %.17g\\n", $3, $4, sin($5 / 2), cos($5 / 2)}\' FILE | paste -d " " times.txt -',
     ),
@@ -591,12 +613,16 @@ def _advice(text: str, needed: Roles, *, is_first: bool) -> str:
     }
     if not is_first and len(fields) < len(needed):
         return "; the row is cut off"
-    more = f"; {_add_heading(_likely_unit(float(fields[0])))}" if len(fields) > len(TUM) else ""
-    return found.get(len(fields), more)
+    likely = found.get(len(fields), "")
+    if needed != TUM or len(fields) <= len(TUM):
+        return likely
+    how = _add_heading(_likely_unit(float(fields[0])))
+    return f"{likely}; otherwise, {how}" if likely else f"; {how}"
 
 
 def _quoted(text: str) -> str:
-    return repr(printable(text if len(text) <= QUOTED else f"{text[:QUOTED]}…"))
+    shown = printable(text[: QUOTED + 1])
+    return repr(shown if len(shown) <= QUOTED else f"{shown[:QUOTED]}…")
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -98,7 +98,7 @@ test-core-long: $(VENV)/installed.stamp $(VENV)/test.stamp $(VENV)/dev.stamp
 demo: $(VENV)/installed.stamp
 	@$(PY) examples/demo.py
 
-# About an hour; QUICK=1 about three minutes. The libraries compared with are fetched into .bench.
+# About half an hour; QUICK=1 about three minutes. The libraries compared with are fetched into .bench.
 bench: $(VENV)/installed.stamp $(VENV)/test.stamp
 	$(PY) -m bench $(if $(QUICK),--quick)
 

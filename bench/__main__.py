@@ -44,7 +44,7 @@ class Section(NamedTuple):
     libraries: Sequence[str]
     variants: Sequence[str] = ("",)
     ours_only: Sequence[str] = ()  # further variants
-    rounds: int = 7  # at most
+    rounds: int = 5  # at most
 
 
 SECTIONS = {
@@ -61,7 +61,7 @@ SECTIONS = {
         rounds=3,
     ),
     "receiving:waits": Section("receiving_and_waiting.waits", ROS2, ["blocked", "own insert"], rounds=3),
-    "tf2_rs:offline": Section("lookups.as_evaluated", (OURS, "ros2", "tf2_cpp"), rounds=5),
+    "tf2_rs:offline": Section("lookups.as_evaluated", (OURS, "ros2", "tf2_cpp")),
     "tf2_rs:online": Section("lookups_while_receiving.online", ROS2, rounds=3),
     "nodes": Section("many_nodes.many", (OURS,), ["apart", "together"], rounds=3),
     "frozen": Section("frozen_files.frozen", (OURS,), rounds=3),

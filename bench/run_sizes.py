@@ -5,7 +5,7 @@
 from typing import Any
 
 FULL: dict[str, Any] = {
-    "rounds": 7,  # at most; sections that take long have fewer
+    "rounds": 5,  # at most; sections that take long have fewer
     "warm_up": 5000,  # calls before those that count
     "calls": 4000,  # in a round
     "queries": 1000,  # different ones, in turn
@@ -20,7 +20,7 @@ FULL: dict[str, Any] = {
     "resident_samples": 500_000,
     # Messages beforehand; from then on each drops an old sample, as in a program that runs for long.
     "filling": 700,
-    "receive_s": 5.0,  # of publishing, for each load in each round
+    "receive_s": 3.0,  # of publishing, for each load in each round
     "wakes": 200,  # lookups of each kind in each round
     "evaluated_frames": 500,
     "online_frames": 300,

@@ -1,22 +1,28 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-Print what README.md and docs/performance.md say of the lookups in bench/results; draw docs/images/speed.svg.
+Write the figures of README.md and docs/performance.md, and draw docs/images/speed.svg, from bench/results.
 
-`make pictures` draws; tests/packaging/test_facts_on_pages.py compares the pages with what this prints.
+`python docs/performance_from_results.py` does both; `make pictures` draws, too. A test compares the pages
+with the report. Sentences stay where they are and get new numbers; a table follows the comment that names it.
 """
 
 import re
-from collections.abc import Callable, Iterable
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 [RESULTS] = (ROOT / "bench" / "results").glob("*.md")
+PAGES = {
+    ROOT / "README.md": False,
+    ROOT / "docs" / "performance.md": True,
+}  # whether a page has all sentences
+PICTURE = ROOT / "docs" / "images" / "speed.svg"
 
-# How the columns of the report's first table begin and end.
-OURS, KEPT = ("ours", "ours: buffer"), ("ours", "buffer, kept")
-PYTHON, CPP = ("tf2_ros", "buffer"), ("tf2", "C++: core")
-PEER = ("transform-tree", "plan")  # only in the table
+# Columns of the report, without the versions of libraries.
+OURS, KEPT = "ours: buffer", "ours: buffer, kept"
+PYTHON, CPP = "tf2_ros: buffer", "tf2 C++: core"
 CONTESTANTS = {
     OURS: "tf2-ros-cython",
     KEPT: "tf2-ros-cython, results kept",
@@ -24,7 +30,8 @@ CONTESTANTS = {
     CPP: "Jazzy's tf2, called from C++",
 }
 COLORS = ("#1a7f37", "#7fc796", "#777777", "#b35900")
-# Lines of that table.
+PEER = "transform-tree: plan"
+# Lines of the section of lookups.
 LOOKUPS = {
     "static frames": "static 500, static, 4 hops",
     "moving frames, the latest time": "dynamic 100, latest, 4 hops",
@@ -34,36 +41,54 @@ NUMBER = re.compile(r"\d+(?:\.\d+)?")
 # tf2 searches a history from its newest sample: the longer histories would only raise the largest ratios.
 LONG = re.compile(r"0,000 samples")
 IS_RECENT = re.compile(r", static,|latest|newest")
+# The evaluation of tf2_rs: the smallest and the largest ratio to tf2 in C++ of tf2_rs, and of tf2_py.
+PUBLISHED = {"static": ("1.07 to 1.18", "5 to 10"), "dynamic": ("1.00 to 1.01", "1.25 to 1.80")}
+PUBLISHED_ONLINE = ((1.40, 1.57), (4, 6))
+
+Line = dict[str, list[float]]
 
 
-def rows() -> dict[str, dict[tuple[str, str], list[float]]]:
+class Section(dict[str, Line]):
     """
-    Microseconds of one lookup, for each line of the report's first table and each library: the median, the
-    5th and the 95th percentile.
+    The numbers of each cell, by line and column: the median, the 5th and the 95th percentile.
+
+    :param remark: where and when it was measured.
     """
-    lines = [
-        line.strip().strip("|").split(" | ") for line in RESULTS.read_text(encoding="utf-8").splitlines()
-    ]
-    begin = next(i for i, cells in enumerate(lines) if len(cells) > 1)
-    heads = [cell.strip() for cell in lines[begin]]
-    columns = {
-        one: next(i for i, cell in enumerate(heads) if cell.startswith(one[0]) and cell.endswith(one[1]))
-        for one in (*CONTESTANTS, PEER)
-    }
-    found = {}
-    for cells in lines[begin + 2 :]:
-        if len(cells) < len(heads):
-            break
-        found[cells[0].strip()] = {
-            one: [float(value) for value in NUMBER.findall(cells[column])] for one, column in columns.items()
-        }
-    return found
+
+    def __init__(self, text: str) -> None:
+        self.remark = re.findall(r"^- (.*)$", text, re.MULTILINE)[0]
+        head, _, *lines = ([*_cells(row)] for row in re.findall(r"^\| .*$", text, re.MULTILINE))
+        columns = [re.sub(r" [\d.]+(?=:| C)", "", cell) for cell in head[1:]]
+        for name, *cells in lines:
+            numbers = ([float(one) for one in NUMBER.findall(cell)] for cell in cells)
+            self[name] = {one: found for one, found in zip(columns, numbers, strict=True) if found}
+
+    def median(self, line: str, column: str) -> float:
+        return self[line][column][0]
+
+    def medians(self, columns: Iterable[str], lines: str = "") -> list[list[float]]:
+        """The medians of these columns, for each line that begins with a text."""
+        columns = list(columns)
+        return [[of[one][0] for one in columns] for line, of in self.items() if line.startswith(lines)]
+
+
+def _cells(row: str) -> Iterator[str]:
+    return (cell.strip() for cell in row.removeprefix("|").removesuffix("|").split("|"))
+
+
+def report() -> dict[str, Section]:
+    """The sections of the report, by the names that `python -m bench --only` takes."""
+    _, *texts = re.split(r"^## ", RESULTS.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {re.findall(r"--only ([\w:]+)", text)[0]: Section(text) for text in texts}
+
+
+REPORT = report()
+FOUND = REPORT["lookups"]
 
 
 def furthest_ahead() -> str:
     """The line in which C++ is ahead of kept results by most."""
-    found = rows()
-    return min(found, key=lambda line: found[line][CPP][0] / found[line][KEPT][0])
+    return min(FOUND, key=lambda line: FOUND.median(line, CPP) / FOUND.median(line, KEPT))
 
 
 def drawn() -> dict[str, str]:
@@ -72,42 +97,251 @@ def drawn() -> dict[str, str]:
     return {**LOOKUPS, f"where C++ is furthest ahead ({line})": line}
 
 
-def _range(ratio: Callable[[dict[tuple[str, str], float]], Iterable[float]], is_recent: bool) -> list[float]:
-    values = []
-    for line, of in rows().items():
-        if not LONG.search(line) and bool(IS_RECENT.search(line)) == is_recent:
-            values += ratio({one: found[0] for one, found in of.items() if found})
-    return [min(values), max(values)]
+def _range(values: Sequence[float], show: Callable[[float], str]) -> str:
+    low, high = show(min(values)), show(max(values))
+    return low if low == high else f"{low} to {high}"
 
 
-def sentence() -> str:
+def _ratio(value: float) -> str:
+    return f"{value:.0f}" if value >= 9.5 else f"{value:.2f}" if value >= 0.095 else f"{value:.2g}"
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:.2g}"
+
+
+def _time(value: float) -> str:
+    return f"{value:.3g} µs" if value < 100 else f"{value:,.0f} µs"
+
+
+def _milliseconds(value: float) -> str:
+    return f"{value / 1e3:.0f}" if value >= 10_000 else f"{value / 1e3:.2g}"
+
+
+def sentences() -> Iterator[str]:
+    """What the report says, for all lines that the words cover."""
+    yield from of_all_lookups()
+    messages = REPORT["receiving:cpu"]
+    ratios = [ours / theirs for ours, theirs in messages.medians(["ours: listener", "tf2_ros: listener"])]
+    yield f"use {_range(ratios, _percent)} % as much CPU time per message under `rclpy.spin`"
+    ours, theirs = REPORT["receiving:waits"].medians(["ours: blocked", "tf2_ros: blocked"])[0]
+    yield (
+        f"return about {_milliseconds(ours)} ms after the transform was sent,"
+        f" instead of {_milliseconds(theirs)} ms."
+    )
+    together, apart = REPORT["nodes"].medians(["ours: together", "ours: apart"])[0]
+    yield f"use {_percent(together)} % of a core instead of {_percent(apart)} %."
+    kept = [kept - dropped for kept, dropped in FOUND.medians([KEPT, OURS])]
+    yield f"cost {_range(kept, '{:.2f}'.format)} µs more: otherwise,"
+
+    def share(transforms: str, *ways: str) -> str:
+        pairs = (messages.medians([f"ours: {way}", f"tf2_ros: {way}"], f"{transforms} ")[0] for way in ways)
+        return _range([ours / theirs for ours, theirs in pairs], _percent)
+
+    loops, looking = ("spin_once", "executor.spin_once"), "spin_once+lookup"
+    yield (
+        f"uses {share('1', *loops)} % (1 transform) or {share('50', *loops)} % (50 transforms) of the CPU"
+        " time of `tf2_ros` in the same loop; if it also looks a transform up in each turn,"
+        f" {share('1', looking)} % or {share('50', looking)} %."
+    )
+    overridden = [own / theirs for own, theirs in messages.medians(["ours: overridden", "tf2_ros: listener"])]
+    yield f"uses {_range(overridden, _percent)} % of the CPU time of `tf2_ros`."
+    long, short = (FOUND[f"chain of {samples} samples, random, 4 hops"] for samples in ("100,000", "100"))
+    growth = [long[one][0] / short[one][0] for one in (OURS, PYTHON, CPP)]
+    ours, python, cpp = (f"{float(f'{one:.2g}'):,g}" for one in growth)
+    yield (
+        f"a lookup at a random past time takes {ours} times as long here, {python} times as long with Jazzy's"
+        f" `tf2_ros`, and {cpp} times as long with Jazzy's tf2 in C++."
+    )
+    whole, *deskewed = (f"ours: {way}" for way in ("do_transform_cloud", "deskew", "deskew, target moves"))
+    clouds = [
+        (times[0], time) for times in REPORT["clouds"].medians([whole, *deskewed]) for time in times[1:]
+    ]
+    yield (
+        f"`deskew` of 100,000 points takes {_range([time for _, time in clouds], '{:,.0f}'.format)} µs,"
+        f" {_range([time / whole for whole, time in clouds], '{:.1f}'.format)} times as long as"
+        " `do_transform_cloud`."
+    )
+    yield from _of_frozen()
+
+
+def of_all_lookups() -> Iterator[str]:
     """What all lines with histories of up to 1,000 samples say, whether results are kept or not."""
 
-    def beside(other: tuple[str, str], is_recent: bool) -> str:
-        low, high = _range(lambda of: (of[other] / of[OURS], of[other] / of[KEPT]), is_recent)
+    def beside(other: str, is_recent: bool) -> str:
+        ratios = [of[other][0] / of[own][0] for of in lines[is_recent] for own in (OURS, KEPT)]
         # Rounded down: no page quotes a better one.
-        return " to ".join(f"{int(one)}" if one >= 10 else f"{int(one * 100) / 100:g}" for one in (low, high))
+        ends = min(ratios), max(ratios)
+        return " to ".join(f"{int(one)}" if one >= 10 else f"{int(one * 100) / 100:g}" for one in ends)
 
-    times = [_range(lambda of: (of[OURS], of[KEPT]), is_recent) for is_recent in (True, False)]
-    low, high = min(one[0] for one in times), max(one[1] for one in times)
-    return (
-        f"Over 1 to 10 hops, a lookup takes {low:.2f} to {high:.2f} µs. For static frames and at the latest"
-        f" time, Jazzy's `tf2_ros` takes {beside(PYTHON, True)} times as long, and tf2 called from C++"
-        f" {beside(CPP, True)} times as long; at past times, they take {beside(PYTHON, False)} and"
-        f" {beside(CPP, False)} times as long."
+    lines: dict[bool, list[Line]] = {True: [], False: []}
+    for line, of in FOUND.items():
+        if not LONG.search(line):
+            lines[bool(IS_RECENT.search(line))].append(of)
+    times = [of[own][0] for several in lines.values() for of in several for own in (OURS, KEPT)]
+    yield f"a lookup takes {min(times):.2f} to {max(times):.2f} µs."
+    yield (
+        "For static frames and at the latest time, Jazzy's `tf2_ros` takes"
+        f" {beside(PYTHON, True)} times as long, and tf2 called from C++ {beside(CPP, True)} times as long;"
+        f" at past times, they take {beside(PYTHON, False)} and {beside(CPP, False)} times as long."
+    )
+    commit = re.findall(r"commit ([0-9a-f]+)", FOUND.remark)[0]
+    yield f"of results that a program keeps or drops, at commit {commit}"
+
+
+def _of_frozen() -> Iterator[str]:
+    section = REPORT["frozen"]
+    [whole, opened] = [line for line in section if "loaded" not in line]
+    write, size, opening = (section.median(whole, f"ours: {way}") for way in ("write", "file", "open"))
+    samples = int(NUMBER.findall(whole.replace(",", ""))[0])
+    median, low, high = section[opened]["ours: core"]
+    yield (
+        f"of {samples // 1_000_000} million samples, {size:.0f} bytes each, is written in {write / 1e6:.2g} s"
+        f" and opened in {_milliseconds(opening)} ms; in it, a lookup over 4 hops at a random time takes"
+        f" {median:.2g} µs ({low:.2g} to {high:.2g} µs)."
     )
 
 
-def lines() -> list[str]:
-    """The rows of the table in docs/performance.md."""
-    found = rows()
-    table = []
+Table = Iterable[tuple[str, ...]]
+
+
+def of_lookups() -> Table:
+    none = "–"
+    others = "Jazzy's `tf2_ros`", "Jazzy's tf2, called from C++", "transform-tree, a compiled plan"
+    yield "", "here", *others
     for name, line in drawn().items():
-        of = {one: f"{values[0]:.3g} µs" for one, values in found[line].items() if values}
-        cells = [f"{of[OURS]} (kept: {of[KEPT]})", of[PYTHON], of[CPP], of.get(PEER, "–")]
+        of = {one: _time(numbers[0]) for one, numbers in FOUND[line].items()}
         what = f"a lookup over 4 hops: {name}" if name in LOOKUPS else f"a lookup {name}"
-        table.append(f"| {what} | {' | '.join(cells)} |")
-    return table
+        yield what, f"{of[OURS]} (kept: {of[KEPT]})", of[PYTHON], of[CPP], of.get(PEER, none)
+    robot = FOUND["robot with 2 moving frames, past, 8 hops"]
+    yield (
+        "a lookup at a past time between a map and a camera: 2 moving and 6 static frames",
+        f"{_time(robot[OURS][0])} (kept: {_time(robot[KEPT][0])})",
+        *(_time(robot[one][0]) for one in (PYTHON, CPP, PEER)),
+    )
+    online = REPORT["tf2_rs:online"]["online 300, past, 4 hops"]
+    heard = [
+        f"{online[f'{who}: buffer'][0]:.3g}, {online[f'{who}: p99'][0]:.3g} µs" for who in ("ours", "tf2_ros")
+    ]
+    yield (
+        "a past time over 4 hops, while 300 frames are received at 50 Hz: median, 99th percentile",
+        *heard, none, none,
+    )  # fmt: skip
+    used = [f"{100 * online[f'{who}: CPU'][0]:.2g} %" for who in ("ours", "tf2_ros")]
+    yield "the CPU time of that process, with 1,000 lookups a second", *used, none, none
+    many = REPORT["vectors"]["dynamic 100, sorted, 4 hops"]
+    ours, peer = (f"{many[f'{who}: vector'][0]:.2g} µs" for who in ("ours", "transform-tree"))
+    yield "one of many lookups over 4 hops in one call, at sorted times", ours, none, none, peer
+    four = ("ours", "tf2_ros", "tf2 C++", "transform-tree")
+    [inserts] = REPORT["inserts"].values()
+    yield "`set_transform`", *(f"{inserts[f'{who}: set_transform'][0]:.2g} µs" for who in four)
+    [memory] = REPORT["memory"].values()
+    resident = (f"{memory[f'{who}: resident'][0]:.0f} bytes" for who in four)
+    yield "memory of a sample, 500,000 samples in a history", *resident
+    messages = REPORT["receiving:cpu"]
+    for transforms, what in ("1", "1 transform, 500"), ("50", "50 transforms, 200"):
+        [times] = messages.medians(["ours: listener", "tf2_ros: listener"], f"{transforms} ")
+        yield f"CPU time per message: {what} messages a second", *map(_time, times), none, none
+    for what, way in (
+        ("from `set_transform` until a waiting lookup returns", "own insert"),
+        ("from sending a message until a waiting lookup returns", "blocked"),
+    ):
+        [times] = REPORT["receiving:waits"].medians([f"ours: {way}", f"tf2_ros: {way}"])
+        yield what, *(f"{_milliseconds(one)} ms" for one in times), none, none
+
+
+def of_matrices() -> Table:
+    hops = ("1 hop", "4 hops", "10 hops")
+    yield "", *hops
+    vectors = REPORT["vectors"]
+    rows = (
+        ("`lookup_matrix`, a random time", FOUND, "random", "matrix", "plan"),
+        ("`lookup_matrix` with `out`", FOUND, "random", "matrix out", "plan"),
+        ("`lookup_matrices`, 10,000 sorted times", vectors, "sorted", "vector matrices", "vector"),
+    )
+    for what, section, place, way, plan in rows:
+        lines = [section[f"moving chain, {place}, {number}"] for number in hops]
+        pairs = [(of[f"ours: {way}"][0], of[f"transform-tree: {plan}"][0]) for of in lines]
+        yield what, *(f"{1000 * ours:.0f} ns ({ours / peer:.2f})" for ours, peer in pairs)
+
+
+def of_tf2_rs() -> Table:
+    """The smallest and the largest ratio of 1, 4 and 10 hops and of all ways to look up."""
+    offline, online = REPORT["tf2_rs:offline"], REPORT["tf2_rs:online"]
+    own = (OURS, KEPT, "ours: core")
+    yield (
+        "",
+        "tf2_rs, published",
+        "tf2_py, published",
+        "Jazzy's `tf2_ros` and `tf2_py`, here",
+        "this project, here",
+    )
+
+    def beside(lines: Iterable[Line], ways: Iterable[str], other: str) -> str:
+        return _range([of[way][0] / of[other][0] for of in lines for way in ways], _ratio)
+
+    for kind, what in ("static", "static frames"), ("dynamic", "moving frames, random times"):
+        lines = [of for line, of in offline.items() if line.startswith(kind)]
+        python = beside(lines, (PYTHON, "tf2_ros: core"), CPP)
+        yield f"{what}: relative to C++", *PUBLISHED[kind], python, beside(lines, own, CPP)
+    (rust_low, rust_high), (low, high) = PUBLISHED_ONLINE
+    rust, python = f"{rust_low:.2f} to {rust_high:.2f}", f"{low} to {high}"
+    yield "moving frames that are received: relative to C++", rust, python, "–", "–"
+    relative = _range((rust_low / high, rust_high / low), _ratio)
+    ours = beside(online.values(), [OURS], PYTHON)
+    yield "moving frames that are received: relative to Python", relative, "1", "1", ours
+
+
+TABLES = {"lookups": of_lookups, "matrices": of_matrices, "tf2_rs": of_tf2_rs}
+PLACE = re.compile(
+    r"(?P<head><!-- (?P<name>\w+), by docs/performance_from_results\.py -->\n)(\n\|.*?\n(?=\n|\Z))?",
+    re.DOTALL,
+)
+
+
+def with_figures(page: str, has_all: bool) -> str:
+    """
+    The text of a page, with the figures of the report.
+
+    :param has_all: whether the page has each of the sentences.
+    """
+
+    def written(place: re.Match[str]) -> str:
+        head, *rows = TABLES[place["name"]]()
+        lines = [f"| {' | '.join(row)} |".replace("|  |", "| |") for row in (head, *rows)]
+        lines.insert(1, "|---" * len(head) + "|")
+        return place["head"] + "\n" + "\n".join(lines) + "\n"
+
+    page = PLACE.sub(written, page)
+    for sentence in sentences():
+        page, count = _pattern(sentence).subn(sentence.replace("\\", r"\\"), page)
+        if has_all and count != 1:
+            raise SystemExit(f"{count} places have other numbers, but otherwise these words: {sentence}")
+        if count:
+            page = _filled(page, sentence)
+    return page
+
+
+def _pattern(sentence: str) -> re.Pattern[str]:
+    """These words with any numbers and commits, on any lines."""
+    commit, number = r"[0-9a-f]{8}", r"[0-9](?:[0-9.,]*[0-9])?"
+    words = (
+        commit if re.fullmatch(commit, word) else number.join(map(re.escape, re.split(number, word)))
+        for word in sentence.split()
+    )
+    return re.compile(r"\s+".join(words))
+
+
+def _filled(page: str, sentence: str) -> str:
+    """The page with lines of up to 120 characters in the paragraph that has a sentence."""
+    place = page.index(sentence)
+    start = max(page.rfind(mark, 0, place) + len(mark) for mark in ("\n\n", "\n- "))
+    end = min(at for mark in ("\n\n", "\n- ") if (at := page.find(mark, place)) > 0)
+    indent = "  " if page[:start].endswith("\n- ") else ""
+    text = textwrap.fill(
+        " ".join(page[start:end].split()), 120 - len(indent), break_long_words=False, break_on_hyphens=False
+    )
+    return page[:start] + text.replace("\n", f"\n{indent}") + page[end:]
 
 
 def draw(path: Path) -> None:
@@ -118,11 +352,11 @@ def draw(path: Path) -> None:
 
     pyplot.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "speed", "font.family": "sans-serif"})
     figure, axis = pyplot.subplots(figsize=(10, 3.6), layout="constrained")
-    found, shown = rows(), drawn()
+    shown = drawn()
     # Dots, because the length of a bar means nothing on a logarithmic axis.
     for number, (one, name) in enumerate(CONTESTANTS.items()):
         places = [group + 0.2 * (number - 1.5) for group in range(len(shown))]
-        medians, lows, highs = zip(*(found[line][one] for line in shown.values()), strict=True)
+        medians, lows, highs = zip(*(FOUND[line][one] for line in shown.values()), strict=True)
         axis.vlines(places, lows, highs, color=COLORS[number])
         axis.plot(places, medians, "o", color=COLORS[number], label=name)
         for place, median in zip(places, medians, strict=True):
@@ -144,4 +378,6 @@ def draw(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    print(sentence(), *lines(), sep="\n")
+    for path, has_all in PAGES.items():
+        path.write_text(with_figures(path.read_text(encoding="utf-8"), has_all), encoding="utf-8")
+    draw(PICTURE)

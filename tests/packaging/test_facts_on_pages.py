@@ -11,7 +11,6 @@ import runpy
 import pytest
 from documentation_pages import PAGES, SPAN, prose
 from paths import ROOT
-from processes import output_of
 from project_sources import PACKAGES, PYPROJECT, tomllib, words_of_sources
 from times_and_transforms import transform
 
@@ -72,11 +71,21 @@ def test_the_page_of_the_environment_shows_the_profiles_that_are_used(node):
     assert shown == used
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/performance.md"])
+FIGURES = runpy.run_path(str(ROOT / "docs" / "performance_from_results.py"))
+
+
+@pytest.mark.parametrize(
+    ("page", "has_all"), FIGURES["PAGES"].items(), ids=lambda one: getattr(one, "name", "")
+)
+def test_the_figures_of_a_page_are_those_of_the_report(page, has_all):
+    text = page.read_text(encoding="utf-8")
+    assert FIGURES["with_figures"](text, has_all) == text, "run python docs/performance_from_results.py"
+
+
+@pytest.mark.parametrize("page", FIGURES["PAGES"], ids=lambda page: page.name)
 def test_a_page_says_of_lookups_what_all_lines_of_the_report_say(page):
-    sentence, *_ = output_of(ROOT / "docs" / "performance_from_results.py", cwd=ROOT).splitlines()
-    text = text_of(page).replace("hops (steps between a frame and its parent)", "hops")
-    assert sentence in text
+    text = " ".join(page.read_text(encoding="utf-8").split())
+    assert [one for one in FIGURES["of_all_lookups"]() if one not in text] == []
     # No other sentence quotes a better ratio.
     assert re.findall(r"[\d.,]+ (?:to [\d.,]+ )?times (?:as fast|faster)", text) == []
 
@@ -180,12 +189,6 @@ def test_the_range_of_pythons_on_a_page_is_that_of_the_package(page):
     ranges = re.findall(r"Python (3\.\d+) to (3\.\d+)", " ".join(prose(page).split()))
     of_fuzzer = ("3.11", "3.13")  # atheris
     assert {*ranges} <= {(PYTHONS[0], PYTHONS[-1]), of_fuzzer}
-
-
-def test_the_figures_of_lookups_are_those_of_the_results():
-    _, *rows = output_of(ROOT / "docs" / "performance_from_results.py", cwd=ROOT).splitlines()
-    page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
-    assert [row for row in rows if row not in page] == []
 
 
 def test_the_path_of_a_transform_is_drawn_as_its_script_says_and_names_the_code():

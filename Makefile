@@ -52,7 +52,7 @@ Try it
 Develop
   make build       compile after a change to a .pyx, .pxd, .pxi or .h file
   make lint        check style and types
-  make test-all    run all tests: 8 minutes on 2 cores
+  make test-all    run all tests: 8 to 15 minutes on 2 cores
   make test-long   run only what test-all adds to test
   make guard       count instructions; fail if they have changed
   make docs        build the site in build/docs
@@ -98,7 +98,7 @@ test-core-long: $(VENV)/installed.stamp $(VENV)/test.stamp $(VENV)/dev.stamp
 demo: $(VENV)/installed.stamp
 	@$(PY) examples/demo.py
 
-# About half an hour; QUICK=1 about three minutes. The libraries compared with are fetched into .bench.
+# QUICK=1: fewer sizes. The libraries compared with are fetched into .bench.
 bench: $(VENV)/installed.stamp $(VENV)/test.stamp
 	$(PY) -m bench $(if $(QUICK),--quick)
 
@@ -189,7 +189,7 @@ $(VENV_STAMP): $(shell test -x $(PY) || echo new)
 	@touch $@
 
 $(VENV)/messages.stamp: $(MESSAGES_SOURCES) | $(VENV_STAMP)
-	$(call step,Installing ROS 2 Jazzy from PyPI$(comma) 300 MB$(comma) and compiling tf2_msgs: 1 to 2 minutes,$(PY) -m pip install --editable ./messages)
+	$(call step,Installing ROS 2 Jazzy from PyPI$(comma) 240 MB$(comma) and compiling tf2_msgs: 1 to 2 minutes,$(PY) -m pip install --editable ./messages)
 	@$(PY) -c "import rclpy.node" || { echo "ROS 2 in $(VENV) is incomplete, perhaps because its installation was interrupted:"; \
 		echo "run make clean, and then the same command."; exit 1; }
 	@touch $@
@@ -200,11 +200,11 @@ $(VENV)/installed.stamp: $(SOURCES) $(MESSAGES) | $(VENV_STAMP)
 
 $(VENV)/test.stamp: pyproject.toml
 	@$(MAKE) -s $(VENV)/installed.stamp
-	$(call step,Installing what the tests use$(comma) 20 MB: some seconds,$(PY) -m pip install 'tf2-ros-cython[test]')
+	$(call step,Installing what the tests use$(comma) 40 MB: some seconds,$(PY) -m pip install 'tf2-ros-cython[test]')
 	@touch $@
 
 # Made anew only when the requirements change; pip finds the project installed and adds what the extra names.
-dev_SIZE := up to 1 GB
+dev_SIZE := up to 800 MB
 docs_SIZE := 100 MB
 $(foreach extra,dev docs,$(VENV)/$(extra).stamp): $(VENV)/%.stamp: pyproject.toml
 	@$(MAKE) -s $(VENV)/installed.stamp

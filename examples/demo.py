@@ -3,7 +3,7 @@
 """One process broadcasts a robot that drives a circle; another one receives its transforms and looks them up.
 
 Run: python examples/demo.py
-Ends by itself within 20 s. The exit status is 0 only if everything succeeded.
+Ends by itself, and gives up after LIMIT_S seconds. The exit status is 0 only if everything succeeded.
 Both processes use a ROS domain that is free on this machine, whatever ROS_DOMAIN_ID says.
 """
 

@@ -7,6 +7,7 @@ figures.
 
 import re
 import runpy
+from collections import defaultdict
 
 import pytest
 from documentation_pages import PAGES, SPAN, prose
@@ -40,10 +41,40 @@ CONFORMANCE = first_number(
     r"for s in SCENARIOS\) == ([\d_]+)", text_of("tests/core/test_recorded_answers.py")
 )
 
+MAKEFILES = [ROOT / "Makefile", ROOT / "tools" / "Makefile"]
+TOOLS_PAGES = [ROOT / "tools" / "README.md", *sorted((ROOT / "tools" / "docs").rglob("*.md"))]
+
+# What make says of its steps, in MB.
+INSTALLED = {
+    what: int(size)
+    for path in MAKEFILES
+    for what, size in re.findall(
+        r"Installing ([^$,:]+)\$\(comma\) (\d+) MB", path.read_text(encoding="utf-8")
+    )
+}
+NUMPY = first_number(r"NumPy \((\d+) MB\)", text_of("docs/installing.md"))
+
 
 @pytest.mark.parametrize(
     ("page", "pattern", "value"),
     [
+        ("README.md", r"from PyPI into `\.venv` \((\d+) MB", INSTALLED["ROS 2 Jazzy from PyPI"]),
+        (
+            "README.md",
+            r"make test #[^#]*? installs (\d+) MB more",
+            INSTALLED["what the tests use"] + INSTALLED["what the tests of the tools use"],
+        ),
+        (
+            "README.md",
+            r"`make -C tools demo`, which installs (\d+) MB",
+            INSTALLED["what the demonstration uses"],
+        ),
+        (
+            "README.md",
+            r"`make docs` [^)]* \(installs (\d+) MB",
+            first_number(r"docs_SIZE := (\d+) MB", text_of("Makefile")),
+        ),
+        ("docs/installing.md", r"\| `ros` \|[^|]*\| (\d+) MB", INSTALLED["ROS 2 Jazzy from PyPI"] - NUMPY),
         ("SECURITY.md", r"up to ([\d,]+) messages of `/tf`", DYNAMIC_DEPTH),
         ("SECURITY.md", r"([\d,]+) of `/tf_static`", STATIC_DEPTH),
         ("docs/differences.md", r"queue of `/tf_static` \|[^|]*\| ([\d,]+) messages", STATIC_DEPTH),
@@ -88,6 +119,37 @@ def test_a_page_says_of_lookups_what_all_lines_of_the_report_say(page):
     assert [one for one in FIGURES["of_all_lookups"]() if one not in text] == []
     # No other sentence quotes a better ratio.
     assert re.findall(r"[\d.,]+ (?:to [\d.,]+ )?times (?:as fast|faster)", text) == []
+
+
+def test_pages_and_make_give_the_same_time_for_a_target():
+    said = defaultdict(set)
+    for path in (*PAGES, *TOOLS_PAGES, *MAKEFILES):
+        text = path.read_text(encoding="utf-8")
+        for target, time in re.findall(
+            r"^ *make (\w[\w -]*?) {2,}.*?(\d+(?: to \d+)? minutes)", text, re.MULTILINE
+        ):
+            said[target].add(time)
+    assert {"demo", "test", "test-all"} <= said.keys()
+    assert {target: times for target, times in said.items() if len(times) > 1} == {}
+
+
+# The only pages that say how long make or a build takes, and how much is installed. The others link to them.
+WITH_TIMES = {"README.md", "CONTRIBUTING.md"}
+WITH_SIZES = {*WITH_TIMES, "docs/installing.md", "tools/README.md"}
+
+
+@pytest.mark.parametrize(("unit", "pages"), [("(?:minutes|hours)", WITH_TIMES), ("[MG]B", WITH_SIZES)])
+def test_the_figures_of_an_installation_are_in_one_place(unit, pages):
+    # The first release is its owner's work, whose times are estimates.
+    others = {*PAGES, *TOOLS_PAGES} - {ROOT / "docs" / "development" / "first-release.md"}
+    found = {
+        str(page.relative_to(ROOT))
+        for page in others
+        for paragraph in page.read_text(encoding="utf-8").split("\n\n")
+        if re.search(r"\b(?:install|compil|build)|\bmake ", paragraph)
+        and re.search(rf"\d {unit}\b", paragraph)
+    }
+    assert found == pages
 
 
 def projects():

@@ -10,7 +10,7 @@ import runpy
 from collections import defaultdict
 
 import pytest
-from documentation_pages import PAGES, SPAN, prose
+from documentation_pages import PAGES, SPAN, linked_pages, prose
 from paths import ROOT
 from project_sources import PACKAGES, PYPROJECT, tomllib, words_of_sources
 from times_and_transforms import transform
@@ -218,6 +218,21 @@ def test_an_extra_that_an_error_or_a_page_names_exists():
     named = [(path, *one) for path in paths for one in extras_in(path.read_text(encoding="utf-8"))]
     assert len({extra for _, extra, _ in named}) > 5
     assert [(str(path), extra) for path, extra, known in named if extra not in known] == []
+
+
+def test_getting_started_installs_the_extras_that_the_next_pages_name():
+    start = ROOT / "docs" / "getting-started.md"
+    commands = ROOT / "tools" / "docs"
+    pages = [*linked_pages(start), *(commands / "programs").glob("*.md"), commands / "recordings.md"]
+    named = {
+        extra
+        for page in pages
+        if page.suffix == ".md" and page.name not in ("README.md", "installing.md")
+        for extra in re.findall(r"\bextra(?:\]\([^)]*\))? `(\w+)`", " ".join(prose(page).split()))
+    }
+    installed = {extra for extra, _ in extras_in(start.read_text(encoding="utf-8"))}
+    assert named <= installed
+    assert {"bag", "plot"} <= named
 
 
 def test_every_extra_for_users_is_in_the_table_of_its_page():

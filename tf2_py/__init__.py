@@ -30,9 +30,13 @@ from tf2_py._objects.errors import (
 from tf2_py._objects.explanations import Explanation as Explanation
 from tf2_py._objects.explanations import Hop as Hop
 from tf2_py._objects.frame_names import stored_name as stored_name
+from tf2_py._objects.late_hints import resolve_late as _resolve_late
 from tf2_py._objects.listings import FrameInfo as FrameInfo
 from tf2_py._objects.listings import History as History
 from tf2_ros_cython._version import __version__ as __version__
+
+for _named_tuple in (Explanation, History, Hop):
+    _resolve_late(_named_tuple)
 
 # What `import *` imports from tf2's package.
 __all__ = [

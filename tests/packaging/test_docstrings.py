@@ -131,19 +131,20 @@ def methods_of(cls):
     return found
 
 
-def functions():
-    """The public functions, and the public methods of classes, by name."""
-    things = dict(PUBLIC)
+def hinted():
+    """The public classes and functions, also of modules that no package imports, by name."""
+    found = dict(PUBLIC)
     for module in (CORRECTION, *WHOLE):
-        things |= {name: getattr(module, name) for name in module.__all__}
-    found = {name: thing for name, thing in things.items() if inspect.isroutine(thing)}
-    for name, thing in things.items():
-        if inspect.isclass(thing):
-            found |= {f"{name}.{of}": method for of, method in methods_of(thing).items()}
+        found |= {name: getattr(module, name) for name in module.__all__}
     return found
 
 
-FUNCTIONS = functions()
+HINTED = hinted()
+HINTED_CLASSES = {name: thing for name, thing in HINTED.items() if inspect.isclass(thing)}
+# Also the public methods of classes.
+FUNCTIONS = {name: thing for name, thing in HINTED.items() if inspect.isroutine(thing)} | {
+    f"{name}.{of}": method for name, cls in HINTED_CLASSES.items() for of, method in methods_of(cls).items()
+}
 
 
 @pytest.mark.skipif(isinstance(TimeLike, types.UnionType), reason="neither Python 3.12 nor typing_extensions")
@@ -160,3 +161,14 @@ def test_hints_resolve_at_run_time(name):
     annotations = [one.annotation for one in annotated.parameters.values()]
     for one in (*hints.values(), *annotations, annotated.return_annotation):
         assert not isinstance(one, (str, typing.ForwardRef)), one
+
+
+@pytest.mark.parametrize("name", HINTED_CLASSES)
+def test_hints_of_a_class_resolve_at_run_time(name):
+    cls = HINTED_CLASSES[name]
+    hints = [*typing.get_type_hints(cls).values()]
+    if issubclass(cls, tuple):
+        parameters = inspect.signature(cls, eval_str=True).parameters
+        assert {*parameters} == {*cls._fields}
+        hints += [one.annotation for one in parameters.values()]
+    assert [one for one in hints if isinstance(one, (str, typing.ForwardRef))] == []

@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from os import PathLike
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tf2_py.printable import printable
 from tf2_py.typing import DurationLike, TimeLike
+from tf2_ros import Buffer, TransformStamped
 from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages, read_transforms
 from tf2_ros_tools.common.optional_libraries import require
@@ -49,13 +50,8 @@ from tf2_ros_tools.recordings.trajectories import Keyframes, Trajectory
 from tf2_ros_tools.urdf import Robot, fixed, parse, unmatched
 from tf2_ros_tools.urdf import load as load_urdf
 
-if TYPE_CHECKING:
-    from geometry_msgs.msg import TransformStamped
-
-    from tf2_ros import Buffer
-
 TOPICS = ("/tf", "/tf_static")
-Topics: TypeAlias = "Iterable[str] | Mapping[str, str]"
+Topics: TypeAlias = Iterable[str] | Mapping[str, str]
 # A robot, the path or text of a URDF, or True: the description in the recording.
 Urdf: TypeAlias = Robot | str | PathLike[str] | Literal[True]
 Urdfs: TypeAlias = Urdf | Mapping[str, Urdf] | None
@@ -174,7 +170,7 @@ def load(
     urdf: Urdfs = None,
     trajectory: Trajectory | None = None,
     progress: bool | None = None,
-) -> "Buffer":
+) -> Buffer:
     """
     Load the transforms of a recording into a new buffer.
 
@@ -241,7 +237,7 @@ class BagContents:
     ``uncorrected`` is the buffer as it was then, or None.
     """
 
-    buffer: "Buffer"
+    buffer: Buffer
     records: NDArray[np.void]
     frames: list[str]
     publishers: list[str]
@@ -252,7 +248,7 @@ class BagContents:
     notes: list[str]
     absent: list[str]
     corrected: str | None
-    uncorrected: "Buffer | None"
+    uncorrected: Buffer | None
 
     @property
     def warnings(self) -> list[str]:
@@ -338,18 +334,16 @@ def _absent(recorded: Recorded, what: Wanted) -> Iterator[str]:
             yield f"no static transforms were recorded: {why}"
 
 
-def new_buffer(cache_time: DurationLike | None) -> "Buffer":
+def new_buffer(cache_time: DurationLike | None) -> Buffer:
     """Create a buffer that keeps everything, or the last ``cache_time``."""
-    import tf2_ros
-
-    buffer = tf2_ros.Buffer(inf if cache_time is None else cache_time, max_bytes=UNLIMITED_BYTES)
+    buffer = Buffer(inf if cache_time is None else cache_time, max_bytes=UNLIMITED_BYTES)
     # How old the samples are today means nothing; `ages` says so.
     buffer.clock = None  # pyright: ignore[reportAttributeAccessIssue]
     return buffer
 
 
 def fill_buffer(
-    buffer: "Buffer",
+    buffer: Buffer,
     recorded: Recorded,
     what: Wanted,
     progress: bool | None = None,
@@ -532,7 +526,7 @@ def transforms(
     topics: Topics = TOPICS,
     start: TimeLike | None = None,
     end: TimeLike | None = None,
-) -> "Iterator[tuple[int, bool, TransformStamped]]":
+) -> Iterator[tuple[int, bool, TransformStamped]]:
     """
     Read the transforms of a recording one by one, in constant memory.
 
@@ -565,7 +559,7 @@ def transforms(
 
 def static_transforms(
     path: "str | PathLike[str]", topics: Topics = TOPICS
-) -> "tuple[list[TransformStamped], list[str]]":
+) -> tuple[list[TransformStamped], list[str]]:
     """
     Read only the static transforms of a recording: the last one of each frame, as a buffer keeps it.
 

@@ -40,7 +40,7 @@ FLOAT32_M = 2.0**15  # float32 rounds smaller coordinates by less than 1 mm
 # Find the recordings.
 
 
-Recordings: TypeAlias = "str | PathLike[str] | Iterable[str | PathLike[str]]"
+Recordings: TypeAlias = str | PathLike[str] | Iterable[str | PathLike[str]]
 
 
 def find_recordings(recordings: Recordings) -> list[str]:

@@ -177,6 +177,24 @@ def test_what_is_not_understood_is_refused_in_one_line(read, text):
     assert str(raised.value).isprintable()
 
 
+LONG = "t" * 5000
+LONG_NAMES = {
+    "t " * 5000: "several columns for timestamp: t, t, t, t, t, t, t, t, …$",
+    '"' * 5000 + "t[h] x y z qx qy qz qw": 'the unit of the column "{80}… is not one of ',
+    f"time{LONG} x y z qx qy qz qw": "; if timet{76}… is the stamp, call it timestamp",
+    f"-{'1' * 5000} 0 0 0 0 0 0 1": "expected a finite number, got '-1{79}…'$",
+    f"-0.{'1' * 5000} 0 0 0 0 0 0 1": "expected a stamp of 0 or more, got -0.1{77}…$",
+    "\x1b" * 5000: "got '.{,160}…'; the names of columns are like ",
+}
+
+
+@pytest.mark.parametrize("text", LONG_NAMES, ids=lambda text: repr(text[:8]))
+def test_long_names_and_lines_are_shortened_in_errors(read, text):
+    with pytest.raises(BagError, match=LONG_NAMES[text]) as raised:
+        read(text)
+    assert len(str(raised.value)) < 1000
+
+
 WRONG_OF_KITTI = {
     "1 0 0 0 0 1 0 0 0 0 1\n": "line 1: expected 12 numbers, the first three rows of a matrix, got",
     f"{ROW}\n": "line 1: expected 12 numbers.*; a file that has the stamps is read without `times`$",

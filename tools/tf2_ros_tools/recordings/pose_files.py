@@ -7,7 +7,7 @@ from __future__ import annotations
 import os
 import re
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Context, Decimal
 from math import isfinite, nan
@@ -29,7 +29,8 @@ NOT_SECONDS = 1e11  # in seconds, this is after the year 5000
 MOST_CHARACTERS = 1 << 14  # of a line
 MOST_BEFORE_ROWS = 1 << 20  # characters
 MOST_ROWS = 10_000_000  # of 72 bytes each
-QUOTED = 80  # characters of a line in an error
+QUOTED = 80  # characters of a line or a name in an error
+MOST_LISTED = 8  # names in an error
 
 # A rotation whose numbers have two decimals differs by less from one of length 1.
 ROUNDED = 0.1
@@ -294,7 +295,7 @@ def _of_columns(columns: Sequence[_Column], needed: Roles) -> _Layout:
         names = " ".join(one.name for one in columns)
         hint = _hint(names) if "qw" in missing or COLMAP.search(names) else ""
         if similar := [one.name for one in columns if STAMP not in roles and LIKE_STAMP.search(one.name)]:
-            name = printable(similar[0])
+            name = _shortened(similar[0])
             hint = f"; if {name} is the stamp, call it timestamp, or timestamp [ns] if it is in ns"
         raise ValueError(
             f"the heading has no column for {_listed(missing)}; its names are like {EXAMPLE}{hint}"
@@ -331,7 +332,7 @@ def _factor(column: _Column) -> float:
     """What the numbers of a column are multiplied by."""
     units = UNITS.get(column.role, NO_UNITS)
     if column.unit and column.unit not in units:
-        raise ValueError(f"the unit of the column {printable(column.name)} is not one of {', '.join(units)}")
+        raise ValueError(f"the unit of the column {_shortened(column.name)} is not one of {', '.join(units)}")
     return units[column.unit] if column.unit else 1.0
 
 
@@ -459,25 +460,26 @@ def _check_numbers(text: str, fields: Sequence[str], layout: _Layout, is_first: 
 def _time_ns(text: str, numbers: Sequence[float], layout: _Layout) -> int:
     value, unit = numbers[0], layout.units[0]
     if value < 0.0:
-        raise ValueError(f"expected a stamp of 0 or more, got {text}")
+        raise ValueError(f"expected a stamp of 0 or more, got {_shortened(text)}")
     if layout.is_of_euroc and 0.0 < value < NOT_SECONDS:
         raise ValueError(
-            f"in EuRoC's format, stamps are in ns, but {text} is not; name its unit in the heading, such as:"
-            " timestamp [s]"
+            f"in EuRoC's format, stamps are in ns, but {_shortened(text)} is not; name its unit in the"
+            " heading, such as: timestamp [s]"
         )
     if not layout.names_unit and not layout.is_of_euroc and NOT_SECONDS <= value <= LAST_NS:
-        raise ValueError(f"the stamp {text} is not in seconds{_unit_hint(value, layout)}")
+        raise ValueError(f"the stamp {_shortened(text)} is not in seconds{_unit_hint(value, layout)}")
     time_ns = LAST_NS + 1
     if value * unit < LAST_NS + S:  # a float is not exact
         time_ns = round(EXACT.multiply(Decimal(text), Decimal(unit)))
         if NANOSECONDS in layout.roles:
             if not (0.0 <= numbers[-1] < S and value.is_integer()):
                 raise ValueError(
-                    f"expected whole seconds and less than 10^9 ns, got {text} and {numbers[-1]:g}"
+                    f"expected whole seconds and less than 10^9 ns, got {_shortened(text)} and"
+                    f" {numbers[-1]:g}"
                 )
             time_ns += round(numbers[-1])
     if time_ns > LAST_NS:
-        large = f"the stamp {text} is too large: messages cannot hold {value * unit / S:g} s"
+        large = f"the stamp {_shortened(text)} is too large: messages cannot hold {value * unit / S:g} s"
         raise ValueError(f"{large}{_unit_hint(value, layout)}")
     return time_ns
 
@@ -621,9 +623,13 @@ def _advice(text: str, needed: Roles, *, is_first: bool) -> str:
 
 
 def _quoted(text: str) -> str:
+    return repr(_shortened(text))
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join([*map(_shortened, names[:MOST_LISTED]), *["…"] * (len(names) > MOST_LISTED)])
+
+
+def _shortened(text: str) -> str:
     shown = printable(text[: QUOTED + 1])
-    return repr(shown if len(shown) <= QUOTED else f"{shown[:QUOTED]}…")
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(map(printable, names))
+    return shown if len(shown) <= QUOTED else f"{shown[:QUOTED]}…"

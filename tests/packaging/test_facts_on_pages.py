@@ -255,6 +255,16 @@ def test_the_releases_that_users_read_of_are_those_that_were_tested():
     assert versions("limits.md") == versions("development/reliability.md") != set()
 
 
+def test_a_page_that_the_sources_name_by_its_title_exists():
+    texts = "\n".join(path.read_text(encoding="utf-8") for path in sources_with_texts())
+    named = re.findall(r'(?:"([^"\n]+)" on )?the page "([^"\n]+)"', texts, re.IGNORECASE)
+    assert ("Laser scans", "Point clouds and scans") in named
+    pages = [page.read_text(encoding="utf-8") for page in (*PAGES, *(ROOT / "tools/docs").rglob("*.md"))]
+    for section, title in named:
+        [page] = [page for page in pages if page.startswith(f"# {title}\n")]
+        assert section == "" or f"## {section}\n" in page
+
+
 PYTHONS = [one.rpartition(" ")[2] for one in CORE["classifiers"] if re.search(r":: 3\.\d+$", one)]
 
 

@@ -79,7 +79,7 @@ def main(arguments=None):
         if name in of_nodes:
             tests = of_pytest or _tests_of_nodes(of_nodes.index(name), len(of_nodes))
         else:
-            tests = [*IN_PROCESSES, "--reference", *(of_pytest or ["tests"])]
+            tests = ["--reference", *(of_pytest or ["tests"])]
         results[name] = _tested(environments[python, ros], name, archive, tests)
     for name, result in results.items():
         print(f"{name}: {result}")
@@ -105,7 +105,7 @@ def _tests_of_nodes(number, count):
     """For pytest, in one of so many runs."""
     by_turns = [path.name for one in BY_TURNS for path in sorted(OF_NODES.glob(f"test_{one}.py"))]
     elsewhere = [one for at, one in enumerate(by_turns) if at % count != number]
-    return [*IN_PROCESSES, "tests/ros", *(f"--ignore=tests/ros/{one}" for one in elsewhere)]
+    return ["tests/ros", *(f"--ignore=tests/ros/{one}" for one in elsewhere)]
 
 
 def _environment(executable, version, ros, sources):
@@ -140,7 +140,7 @@ def _tested(python, name, archive, tests):
     suite = wheels.SCRATCH / "suite-overlays"
     wheels.copy_suite(suite)
     print(f"== {name}", flush=True)
-    command = [python, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests]
+    command = [python, "-m", "pytest", "-q", "-p", "no:cacheprovider", *IN_PROCESSES, *tests]
     return "passed" if subprocess.run(command, cwd=suite, env=environment).returncode == 0 else "failed"
 
 

@@ -32,13 +32,8 @@ TEST_TIMEOUT_S = 240 * SLOWNESS
 NOT_HERE = {
     "tools/tests/packaging/test_docs.py": "builds the site, and takes hours",
     "tools/tests/packaging/test_type_checkers.py": "runs only type checkers",
-    "tests/packaging/test_new_message_type.py": "compiles an extension without a sanitizer",
+    "tests/packaging": "reads sources and pages, and builds the package; make fuzz runs its corpus",
     "tests/core/test_allocation_failures.py": "replaces the allocator, as a sanitizer does",
-    "tests/packaging/test_docs.py": "builds the package, and takes hours",
-    "tests/packaging/test_packaging.py": "builds the package without a sanitizer",
-    "tests/packaging/test_tf2_msgs_packaging.py": "builds messages without a sanitizer",
-    "tests/packaging/test_sourced_ros.py": "builds the package without a sanitizer",
-    "tests/packaging/test_type_checkers.py": "runs only type checkers",
     "tests/core/test_refused_inserts.py::TestLogging::test_many_messages_share_the_lines_of_a_second": "a "
     "slow build does not finish within a second",
 }

@@ -16,6 +16,8 @@ import json
 import os
 import platform
 import re
+import shlex
+import shutil
 import subprocess
 import sys
 import time
@@ -23,17 +25,16 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
+from release import proof_pages
 from release.interpreters import VERSIONS, interpreters
 
 ROOT = Path(__file__).resolve().parent.parent
-KEPT, PAGE = Path("release", "proofs.json"), Path("docs", "development", "proofs.md")
+KEPT = Path("release", "proofs.json")
 # Archives with other releases of ROS, see release/rclpy_release_tests.py.
 OVERLAYS = ROOT.parent / "shared" / "ros"
-RELEASES = ("wheels of jazzy", "wheels of kilted", "rclpy-3.3.21-on-jazzy", "rclpy-7.1.11-jazzy")
-RELEASES += ("rclpy-9.1.5-kilted", "rclpy-10.0.10-on-kilted", "rclpy-11.0.0-on-kilted")
 REAL_TF2 = ("tf2-0.36.20", "tf2-0.41.7", "tf2-0.46.0")
 # What is made of results is no reason to repeat a step.
-MADE = (str(KEPT), str(PAGE), "docs/development/reliability.md", "QUALITY_DECLARATION.md")
+MADE = (str(KEPT), str(proof_pages.PAGE))
 
 PACKAGES = ("tf2_py/*", "tf2_ros/*", "tf2_geometry_msgs/*", "tf2_sensor_msgs/*", "tf2_ros_cython/*")
 BUILD = ("setup.py", "setup.cfg", "pyproject.toml", "build_backend/*", "messages/*", "Makefile", "step.mk")
@@ -55,15 +56,10 @@ SUITE += ("*.md", "*.rst", "*.toml", "*.yaml", "package.xml", "resource/*", "LIC
 SUITE += ("tools/package.xml", "tools/docs/*", "tools/README.md")
 TOOLS = (*CORE, "tools/*", "tests/support/*", "docs/*", "README.md")
 EVERYTHING = ("*",)
-PAGE_HEAD = """# Proofs
-
-What was run, on which commit, and with which result? `make prove` writes this page. It runs each step whose
-files have changed since it passed; `make prove OPTIONS=--list` names these steps. A step without tests counts
-as one.
-
-"""
 # The last line of pytest, and of each of its runs in one command.
 COUNT = re.compile(r"(\d+) (passed|failed|errors?|skipped)\b")
+# The last lines of `make coverage`.
+COVERED = re.compile(r"^(Python|Cython): ([\d,]+ of [\d,]+ lines, [\d.]+ %)$", re.MULTILINE)
 SUMMARY = re.compile(r"^=* ?(?:\d+ \w+(?:, )?)+ in [\d.]+s.*$", re.MULTILINE)
 
 
@@ -90,13 +86,15 @@ def steps():
     yield Step("core, all tests", ("make", "test-core-all"), SUITE)
     yield Step("tools, all tests", ("make", "-C", "tools", "test-all"), TOOLS)
     answers = ("make", "test-core", "TESTS=tests/core/test_recorded_answers.py")
-    yield Step("recorded answers", answers, (*CORE, "tests/core/*", "tests/support/*"))
-    yield Step("guard", ("make", "guard"), (*CORE, "bench/*"))
+    yield Step("recorded answers", answers, (*CORE, "tests/core/*", "tests/support/*", "tests/conftest.py"))
+    lacks = "" if shutil.which("valgrind") else "no valgrind"
+    yield Step("guard", ("make", "guard"), (*CORE, "bench/*"), lacks)
     yield Step("docs", ("make", "docs"), (*CORE, "docs/*", "tools/docs/*", "tools/tf2_ros_tools/*", "*.md"))
     yield Step("stress", ("make", "stress", "MINUTES=10"), (*CORE, "reliability/*"))
     for kind in ("address", "thread"):
         command = ("make", "sanitize", f"OPTIONS={kind}")
-        yield Step(f"sanitizers, {kind}", command, (*CORE, "tests/*", "tools/*", "reliability/*"))
+        reads = (*CORE, "tests/*", "tools/*", "reliability/*")
+        yield Step(f"sanitizers, {kind}", command, reads)
     yield Step(
         "fuzzing", ("make", "fuzz"), (*CORE, "reliability/*", "tools/tests/fuzz/*", "tools/tf2_ros_tools/*")
     )
@@ -114,17 +112,18 @@ def steps():
 
 def _releases():
     reads = (*CORE, *TESTS_OF_NODES, "release/*")
-    for name in RELEASES:
+    for name in proof_pages.RELEASES:
         lacks = (
             "" if name.startswith("wheels") or any(OVERLAYS.glob(f"{name}-*.tar.xz")) else "no archive of it"
         )
         # All tests of nodes, which CI runs by turns.
-        command = ("make", "releases", f"OPTIONS=--only '{name}' tests/ros")
+        command = ("make", "releases", f'OPTIONS=--only "{name}" tests/ros')
         yield Step(f"tests of nodes, {name}", command, reads, lacks)
-    python = os.environ.get("TF2_PROVE_CYCLONEDDS", "")
-    command = ("env", "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp", python, "-m", "pytest", "-q", "tests/ros")
-    lacks = "" if python else "no Python with rmw_cyclonedds_cpp in TF2_PROVE_CYCLONEDDS"
-    yield Step("tests of nodes, Cyclone DDS", command, reads, lacks)
+    # The variable names a Python that also has the project and what its tests require.
+    command = 'RMW_IMPLEMENTATION=rmw_cyclonedds_cpp "$TF2_PROVE_CYCLONEDDS" -m pytest -q tests/ros'
+    has_it = "TF2_PROVE_CYCLONEDDS" in os.environ
+    lacks = "" if has_it else "no Python with rmw_cyclonedds_cpp in TF2_PROVE_CYCLONEDDS"
+    yield Step("tests of nodes, Cyclone DDS", ("sh", "-c", command), reads, lacks)
 
 
 def hash_of(step, tracked):
@@ -138,10 +137,14 @@ def hash_of(step, tracked):
 
 
 def tracked_files(root=ROOT):
-    """The contents that git has of each tracked file, by name."""
+    """By name, what stands for the content of each tracked file, without what `make prove` writes into it."""
     listed = subprocess.check_output(["git", "ls-tree", "-r", "-z", "HEAD"], cwd=root, text=True)
     rows = (line.partition("\t") for line in listed.split("\0") if line)
-    return {name: facts.split()[2] for facts, _, name in rows}
+    tracked = {name: facts.split()[2] for facts, _, name in rows}
+    for name in proof_pages.MARKED_PAGES:
+        text = subprocess.check_output(["git", "show", f"HEAD:{name}"], cwd=root, text=True)
+        tracked[name] = proof_pages.without_proofs(text)
+    return tracked
 
 
 def results(root=ROOT):
@@ -150,17 +153,17 @@ def results(root=ROOT):
     return json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else {}
 
 
+def is_of(step, kept, tracked):
+    """Whether a result is kept of this step with the files of now."""
+    return kept.get(step.name, {}).get("hash") == hash_of(step, tracked)
+
+
 def due(found, kept, tracked):
     """The steps that have not passed with the files of now; those that cannot run here are none."""
     return [
         one
         for one in found
-        if not one.lacks
-        and (
-            one.name not in kept
-            or kept[one.name]["failed"]
-            or kept[one.name]["hash"] != hash_of(one, tracked)
-        )
+        if not one.lacks and not (is_of(one, kept, tracked) and kept[one.name]["failed"] == 0)
     ]
 
 
@@ -179,7 +182,7 @@ def counts_of(output, status):
 
 def run(step, root, tracked):
     """Run a step, and return its result."""
-    print(f"== {step.name}: {' '.join(step.command)}", flush=True)
+    print(f"== {step.name}: {shlex.join(step.command)}", flush=True)
     begin = time.monotonic()
     log = root / "build" / "proofs" / f"{re.sub(r'[^a-z0-9.]+', '-', step.name.lower())}.log"
     log.parent.mkdir(parents=True, exist_ok=True)
@@ -196,40 +199,35 @@ def run(step, root, tracked):
         "minutes": round((time.monotonic() - begin) / 60, 1),
         "hash": hash_of(step, tracked),
     }
-    if covered := dict(re.findall(r"^(Python|Cython): (.*)$", output, re.MULTILINE)):
+    if covered := dict(COVERED.findall(output)):
         result["covered"] = covered
     print(f"   {'failed, see ' + str(log) if result['failed'] else 'passed'}", flush=True)
     return result
 
 
-def page(found, kept):
-    """The page with a row for each step."""
-    head = ["step", "command", "passed", "failed", "skipped", "minutes", "commit", "date", "machine"]
-    rows = []
+def keep(found, kept, tracked, root=ROOT):
+    """Write the results and the pages. What this machine cannot prove again has no result of other files."""
+    now = {}
     for one in found:
-        command = f"`{' '.join(one.command)}`" if one.command else "–"
-        if (result := kept.get(one.name)) is None:
-            rows.append([one.name, command, one.lacks and f"not had: {one.lacks}" or "not run", *[""] * 6])
-        else:
-            numbers = (f"{result[key]:,}" for key in ("passed", "failed", "skipped", "minutes"))
-            rows.append([one.name, command, *numbers, result["commit"], result["date"], result["machine"]])
-    lines = [f"| {' | '.join(row)} |" for row in (head, *rows)]
-    lines.insert(1, "|---" * len(head) + "|")
-    return PAGE_HEAD + "\n".join(lines) + "\n"
+        if one.lacks and not is_of(one, kept, tracked):
+            now[one.name] = {"lacks": one.lacks}
+        elif one.name in kept and "lacks" not in kept[one.name]:
+            now[one.name] = kept[one.name]
+    (root / KEPT).write_text(json.dumps(now, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    (root / proof_pages.PAGE).write_text(proof_pages.page(found, now), encoding="utf-8")
+    for name in proof_pages.MARKED_PAGES:
+        text = (root / name).read_text(encoding="utf-8")
+        (root / name).write_text(proof_pages.with_proofs(text, now), encoding="utf-8")
 
 
-def keep(found, kept, root=ROOT):
-    """Write the results and the page."""
-    names = {one.name for one in found}
-    kept = {name: kept[name] for name in kept if name in names}
-    (root / KEPT).write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-    (root / PAGE).write_text(page(found, kept), encoding="utf-8")
-
-
-def changed_files(root=ROOT):
+def changed_files(tracked, root=ROOT):
     """What is not committed, except for what this writes."""
     lines = subprocess.check_output(["git", "status", "--porcelain"], cwd=root, text=True).splitlines()
-    return [line[3:] for line in lines if line[3:] not in MADE]
+    changed = {line[3:] for line in lines} - {*MADE}
+    for name in changed & {*proof_pages.MARKED_PAGES}:
+        if proof_pages.without_proofs((root / name).read_text(encoding="utf-8")) == tracked[name]:
+            changed.remove(name)
+    return sorted(changed)
 
 
 def main(arguments=None, found=None, root=ROOT):
@@ -244,16 +242,18 @@ def main(arguments=None, found=None, root=ROOT):
     options = parser.parse_args(arguments)
     found, kept, tracked = list(steps() if found is None else found), results(root), tracked_files(root)
     todo = [one for one in due(found, kept, tracked) if options.only in one.name]
+    if todo and not options.list and (changed := changed_files(tracked, root)):
+        parser.error(f"commit first, because a proof has a commit: {', '.join(changed)}")
+    if not options.list:
+        keep(found, kept, tracked, root)
     if options.list or not todo:
         print(*[one.name for one in todo] or ["nothing is due"], sep="\n")
         return 0
-    if changed := changed_files(root):
-        parser.error(f"commit first, because a proof has a commit: {', '.join(changed)}")
     end = time.monotonic() + options.minutes * 60
     for one in todo:
         if time.monotonic() < end:
             kept[one.name] = run(one, root, tracked)
-            keep(found, kept, root)
+            keep(found, kept, tracked, root)
     return 1 if any(kept.get(one.name, {}).get("failed") for one in todo) else 0
 
 

@@ -8,9 +8,10 @@ import sys
 
 import pytest
 
-from release import prove
+from release import proof_pages, prove
 
 RUNS_TESTS = "import sys; print('== 3 passed, 1 skipped in 0.12s =='); print('2 passed in 0.01s')"
+MARKED = "Measured: <!-- proved: coverage, by make prove -->?<!-- end -->.\n"
 
 
 def step(name, code, *reads):
@@ -19,9 +20,9 @@ def step(name, code, *reads):
 
 @pytest.fixture
 def repository(tmp_path):
-    for name in ("core/a.py", "tools/b.py", "docs/development/proofs.md", "release/c.py"):
+    for name in ("core/a.py", "tools/b.py", "release/c.py", *proof_pages.MARKED_PAGES):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text("1\n")
+        (tmp_path / name).write_text(MARKED if name.endswith(".md") else "1\n")
     (tmp_path / ".gitignore").write_text("build\n")
     git(tmp_path, "init", "-q")
     commit(tmp_path)
@@ -83,11 +84,42 @@ def test_tests_are_counted(repository):
     proved(repository, [step("tests", RUNS_TESTS, "*")])
     result = prove.results(repository)["tests"]
     assert (result["passed"], result["failed"], result["skipped"]) == (5, 0, 1)
-    page = (repository / prove.PAGE).read_text()
+    page = (repository / proof_pages.PAGE).read_text()
     assert "| tests | " in page and "| 5 | 0 | 1 | " in page and f"| {result['commit']} | " in page
-    assert prove.counts_of("=== 1 failed, 2 passed, 3 errors in 1.00s ===", 1)["failed"] == 4
-    # Such as a session that ends before its last line.
-    assert prove.counts_of("2 passed in 1.00s", 2)["failed"] == 1
+
+
+TWO_SUITES = """\
+make[1]: Entering directory '/clone'
+.venv/bin/python -m pytest --numprocesses=4
+====== 5021 passed, 12 skipped, 1 warning in 241.53s (0:04:01) ======
+make -C tools test
+== 1 failed, 902 passed, 3 skipped, 2 deselected, 1 xfailed, 2 errors in 60.20s (0:01:00) ==
+"""
+OF_RELEASES = """\
+SKIPPED [1] tests/ros/test_waits.py:12: 1 passed in a row
+486 passed, 38 skipped in 58.70s
+tf2-0.36.20-cp311: passed
+"""
+OF_FUZZING = """\
+cdr: 120401 executions, 5120 edges, 600 s, nothing found
+clouds: 3 executions, 51 edges, 2 s, crash-0a1b2c
+"""
+OF_STRESS = "12 clears, 3 failed waits\nrss          1,024 1,030\npassed, seed 1\n"
+
+
+@pytest.mark.parametrize(
+    ("output", "status", "counted"),
+    [
+        (TWO_SUITES, 2, (5923, 3, 15)),
+        (OF_RELEASES, 0, (486, 0, 38)),
+        (OF_FUZZING, 1, (0, 1, 0)),
+        (OF_STRESS, 0, (1, 0, 0)),
+        # Such as a session that ends before its last line, and a demo that fails after the tests.
+        ("2 passed in 1.00s\n", 2, (2, 1, 0)),
+    ],
+)
+def test_counts_are_those_of_all_summaries_of_pytest(output, status, counted):
+    assert tuple(prove.counts_of(output, status).values()) == counted
 
 
 def test_a_proof_has_a_commit(repository, capsys):
@@ -99,8 +131,52 @@ def test_a_proof_has_a_commit(repository, capsys):
 
 def test_what_a_machine_lacks_is_not_due_and_a_row_says_so(repository):
     lacking = prove.Step("zenoh", ("false",), ("*",), "no router")
-    assert proved(repository, [lacking, step("one", "1", "*")]) == (0, ["one"])
-    assert "| zenoh | `false` | not had: no router |" in (repository / prove.PAGE).read_text()
+    assert proved(repository, [lacking, step("one", "1", "*")])[0] == 0
+    assert prove.results(repository)["zenoh"] == {"lacks": "no router"}
+    assert "| zenoh | `false` | not had: no router |" in (repository / proof_pages.PAGE).read_text()
+    # Where it is not lacking, it is due.
+    assert proved(repository, [prove.Step("zenoh", ("true",), ("*",))]) == (0, ["zenoh"])
+
+
+def test_a_result_stays_where_it_cannot_be_had_only_for_the_same_files(repository):
+    here, elsewhere = (prove.Step("zenoh", ("true",), ("core/*",), lacks) for lacks in ("", "no router"))
+    assert proved(repository, [here]) == (0, ["zenoh"])
+    assert proved(repository, [elsewhere]) == (0, [])
+    commit(repository, core__a="2")
+    assert proved(repository, [elsewhere]) == (0, ["zenoh"])
+    assert prove.results(repository)["zenoh"] == {"lacks": "no router"}
+
+
+COVERAGE = "print('Python: 7 of 10 lines, 70.0 %'); print('Cython: 1,100 of 1,200 lines, 91.7 %')"
+
+
+def test_a_marked_place_says_what_was_measured_and_is_no_reason_to_repeat_a_step(repository):
+    found = [step("coverage", COVERAGE, "*")]
+    assert proved(repository, found) == (0, ["coverage"])
+    result = prove.results(repository)["coverage"]
+    [text] = {(repository / name).read_text() for name in proof_pages.MARKED_PAGES}
+    assert "1,100 of 1,200 lines, 91.7 %, of Cython" in text and f"commit {result['commit']}, " in text
+    commit(repository)
+    assert proved(repository, found) == (0, [])
+    (repository / "QUALITY_DECLARATION.md").write_text(f"Another sentence. {MARKED}")
+    commit(repository)
+    assert proved(repository, found) == (0, ["coverage"])
+
+
+def test_a_marked_page_that_is_changed_elsewhere_is_not_committed(repository, capsys):
+    (repository / "QUALITY_DECLARATION.md").write_text(f"Another sentence. {MARKED}")
+    with pytest.raises(SystemExit):
+        prove.main([], [step("one", "1", "*")], repository)
+    assert "commit first, because a proof has a commit: QUALITY_DECLARATION.md" in capsys.readouterr().err
+
+
+def test_pages_claim_only_what_the_kept_results_say():
+    kept = prove.results()
+    page = (prove.ROOT / proof_pages.PAGE).read_text(encoding="utf-8")
+    assert page == proof_pages.page(list(prove.steps()), kept)
+    texts = [(prove.ROOT / name).read_text(encoding="utf-8") for name in proof_pages.MARKED_PAGES]
+    assert [proof_pages.with_proofs(text, kept) for text in texts] == texts
+    assert {name for text in texts for _, name, _ in proof_pages.PLACE.findall(text)} == {*proof_pages.PROVED}
 
 
 def targets_of(makefile):
@@ -114,12 +190,12 @@ def test_each_step_runs_a_command_of_make_and_reads_tracked_files():
     assert len({one.name for one in found}) == len(found) > 20
     for one in found:
         program, *words = one.command
-        assert program in ("make", "env")
+        assert program in ("make", "sh")
         if program == "make":
             folder = prove.ROOT / (words[1] if words[0] == "-C" else "")
             assert words[-1 if words[0] == "-C" else 0] in targets_of(folder / "Makefile"), one.command
         read = {name for name in tracked if prove.hash_of(one, {name: "1"}) != prove.hash_of(one, {})}
-        assert "tf2_ros/buffer.py" in read and str(prove.PAGE) not in read
+        assert "tf2_ros/buffer.py" in read and str(proof_pages.PAGE) not in read
         for pattern in one.reads:
             assert any(prove.fnmatchcase(name, pattern) for name in tracked), pattern
     of = {one.name: one for one in found}

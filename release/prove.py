@@ -88,7 +88,7 @@ def steps():
     answers = ("make", "test-core", "TESTS=tests/core/test_recorded_answers.py")
     yield Step("recorded answers", answers, (*CORE, "tests/core/*", "tests/support/*", "tests/conftest.py"))
     lacks = "" if shutil.which("valgrind") else "no valgrind"
-    yield Step("guard", ("make", "guard"), (*CORE, "bench/*"), lacks)
+    yield Step("guard", ("make", "guard"), (*CORE, "bench/*.py", "bench/*.json"), lacks)
     yield Step("docs", ("make", "docs"), (*CORE, "docs/*", "tools/docs/*", "tools/tf2_ros_tools/*", "*.md"))
     yield Step("stress", ("make", "stress", "MINUTES=10"), (*CORE, "reliability/*"))
     for kind in ("address", "thread"):

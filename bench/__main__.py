@@ -159,12 +159,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         run = Run({}, sizes, Path(folder))
         run.libraries, missing = libraries(run.say)
         head = redacted(report.head(run.libraries, list(machine()), missing))
+        print(head)
         kept = path.read_text() if path.exists() else head
         if report.head_of(kept) != head:
             if options.renew:
                 parser.error(f"{path.name} is of other libraries, or of another machine: run without --only")
             kept = head
-        print(head)
         for name in SECTIONS:
             if not options.only or {name, name.partition(":")[0]} & set(options.only):
                 remarks = run.measure(name, SECTIONS[name])

@@ -147,9 +147,9 @@ REFUSED = {
     "time x y z\n": "line 1: the heading has no column for qx, qy, qz, qw; its names are like timestamp tx",
     "# time x y z\n": "line 1: the heading has no column for qx, qy, qz, qw; its names are like timestamp tx",
     "# id x y z qx qy qz qw\n0 0 0 0 0 0 0 1\n": "line 1: the heading has no column for timestamp; ",
-    f"{TUM} time\n": "line 1: the heading has several columns for timestamp: timestamp, time$",
-    "t x y z px qx qy qz qw\n": "line 1: the heading has several columns for tx: x, px$",
-    "timestamp,nsec,x,y,z,qx,qy,qz,qw\n": "line 1: .* several columns for timestamp: timestamp, nsec$",
+    f"{TUM} time\n": "line 1: .* several columns for timestamp: timestamp, time; rename the others$",
+    "t x y z px qx qy qz qw\n": "line 1: the heading has several columns for tx: x, px; rename the others$",
+    "timestamp,nsec,x,y,z,qx,qy,qz,qw\n": "line 1: .* several columns for timestamp: timestamp, nsec; rename",
     "sec,nsec,x,y,z,qx,qy,qz,qw\n1,1000000000,0,0,0,0,0,0,1\n": "line 2: expected .*, got 1 and 1e.09$",
     "sec,nsec,x,y,z,qx,qy,qz,qw\n1.5,5,0,0,0,0,0,0,1\n": "line 2: expected whole seconds .*, got 1.5 and 5$",
     "sec,x,y,z,qx,qy,qz,qw,nsec\n1,0,0,0,0,0,0,1\n": "line 2: the row is cut off before nanoseconds",
@@ -179,7 +179,7 @@ def test_what_is_not_understood_is_refused_in_one_line(read, text):
 
 LONG = "t" * 5000
 LONG_NAMES = {
-    "t " * 5000: "several columns for timestamp: t, t, t, t, t, t, t, t, …$",
+    "t " * 5000: "several columns for timestamp: t, t, t, t, t, t, t, t, …; rename the others$",
     '"' * 5000 + "t[h] x y z qx qy qz qw": 'the unit of the column "{80}… is not one of ',
     f"time{LONG} x y z qx qy qz qw": "; if timet{76}… is the stamp, call it timestamp",
     f"-{'1' * 5000} 0 0 0 0 0 0 1": "expected a finite number, got '-1{79}…'$",
@@ -323,6 +323,16 @@ def test_rotation_matrices_are_converted_as_the_error_says(read, kind):
     check_advised(read, str(raised.value), [dict(zip(names, one, strict=True)) for one in matrices])
 
 
+def test_seven_numbers_may_be_named_as_angles(read):
+    with pytest.raises(
+        BagError, match="if they are a stamp, a position and angles, add the first line"
+    ) as raised:
+        read("1 2 3 4 5 6 7\n")
+    heading = str(raised.value).partition("first line: ")[2].partition(";")[0]
+    with pytest.raises(BagError, match="of angles in radians, the columns qx qy qz qw are"):
+        read(f"{heading}\n1 2 3 4 5 6 7\n")
+
+
 @pytest.mark.parametrize(
     "heading",
     [
@@ -422,6 +432,13 @@ BY_COMMAND = {
             )
         ],
         indent=0,
+    ),
+    "2-D poses with stamps": "".join(
+        f"{seconds(ns)} {row}\n" for ns, row in zip(POSES.times_ns, PLANAR_ROWS, strict=True)
+    ),
+    "2-D poses with stamps and commas": "".join(
+        f"{seconds(ns)}, {row.replace(' ', ', ')}\n"
+        for ns, row in zip(POSES.times_ns, PLANAR_ROWS, strict=True)
     ),
     "decimal commas": tum(POSES).replace(".", ","),
     "semicolons": tum(POSES, separator=";").replace(".", ","),

@@ -290,7 +290,9 @@ def _of_columns(columns: Sequence[_Column], needed: Roles) -> _Layout:
     roles = [one.role for one in columns]
     for role in needed:
         if len(same := [one.name for one in columns if one.role == role]) > 1:
-            raise ValueError(f"the heading has several columns for {_SHOWN[role]}: {_listed(same)}")
+            raise ValueError(
+                f"the heading has several columns for {_SHOWN[role]}: {_listed(same)}; rename the others"
+            )
     if missing := [_SHOWN[role] for role in needed if role not in roles]:
         names = " ".join(one.name for one in columns)
         hint = _hint(names) if "qw" in missing or COLMAP.search(names) else ""
@@ -305,7 +307,7 @@ def _of_columns(columns: Sequence[_Column], needed: Roles) -> _Layout:
     stamp = columns[roles.index(STAMP)]
     if NANOSECONDS in roles and not SECONDS.fullmatch(_short(stamp.name)):
         both = _listed([stamp.name, columns[places[-1]].name])
-        raise ValueError(f"the heading has several columns for {_SHOWN[STAMP]}: {both}")
+        raise ValueError(f"the heading has several columns for {_SHOWN[STAMP]}: {both}; rename the other one")
     names_unit = bool(stamp.unit)
     is_of_euroc = any(OF_EUROC.fullmatch(_without_unit(_short(one.name))[0]) for one in columns)
     if not names_unit:
@@ -601,8 +603,10 @@ def _advice(text: str, needed: Roles, *, is_first: bool) -> str:
         return "; a file that has the stamps is read without `times`"
     found = {
         3: "; poses need a position and a rotation",
-        4: "; poses need a position and a rotation",
-        7: "; if they are x y z qx qy qz qw, and times.txt has the stamps:"
+        4: f"; if they are a stamp, x y and an angle in radians: {awk}"
+        " '{printf \"%s %s %s 0 0 0 %.17g %.17g\\n\", $1, $2, $3, sin($4 / 2), cos($4 / 2)}' FILE",
+        7: "; if they are a stamp, a position and angles, add the first line: timestamp x y z roll pitch yaw;"
+        " if they are x y z qx qy qz qw, and times.txt has the stamps:"
         f" paste -d '{separator}' times.txt FILE",
         12: "; KITTI's poses need `times` or `--trajectory-times`",
         13: f"; without the first number, it may be a matrix: `{awk} '{{$1 = \"\"; print}}' FILE` writes the"

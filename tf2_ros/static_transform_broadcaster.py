@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
 
 from tf2_msgs.msg import TFMessage
+from tf2_py import stored_name
 from tf2_ros._qos import transforms_qos
 from tf2_ros.transform_broadcaster import Broadcaster
 
@@ -72,17 +73,11 @@ class StaticTransformBroadcaster(Broadcaster):
         """
         new_transforms = self._tf2_list(transform)
         with self._tf2_sending:
-            transforms = {_frame(sent): sent for sent in self.net_message.transforms}
+            transforms = {stored_name(sent.child_frame_id): sent for sent in self.net_message.transforms}
             for new in new_transforms:
                 # Copied, because programs reuse one message.
-                transforms[_frame(new)] = deepcopy(new)
+                transforms[stored_name(new.child_frame_id)] = deepcopy(new)
             merged = list(transforms.values())
             # Kept only afterwards: what cannot be sent would prevent all later messages.
             self._tf2_publish(merged)
             self.net_message.transforms = merged
-
-
-def _frame(transform: TransformStamped) -> str:
-    # Listeners ignore a slash at the beginning of a name.
-    name: str = transform.child_frame_id
-    return name[1:] if name[:1] == "/" else name

@@ -55,6 +55,12 @@ def test_the_stored_name_is_the_one_that_an_inserted_frame_has(tf2_py, buffer, n
     assert {*buffer.frames()} == ({"map", tf2_py.stored_name(name)} if name != "/" else set())
 
 
+@pytest.mark.parametrize("name", [None, b"a", 1], ids=repr)
+def test_what_is_no_name_has_no_stored_name(tf2_py, name):
+    with pytest.raises(TypeError):
+        tf2_py.stored_name(name)
+
+
 def test_the_graph_has_an_edge_from_parent_to_child(buffer):
     buffer.set_transform(transform("map", "odom", 1), "x")
     buffer.set_transform(transform('a"b', "c\\d", 1), 'e"f')

@@ -16,11 +16,13 @@ def stored_name(name: str) -> str:
 
     Lookups expect this name. They do not remove a ``/``, but refuse a name that begins with one.
 
+    :raises TypeError: ``name`` is not a str.
+
     >>> from tf2_py import stored_name
     >>> stored_name("/base_link")
     'base_link'
     """
-    return name.removeprefix("/")  # as `name_strip` in C
+    return str.removeprefix(name, "/")  # as `name_strip` in C; a TypeError for what is not a str
 
 
 def is_invalid_name(name: str) -> bool:

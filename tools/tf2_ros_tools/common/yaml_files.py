@@ -7,6 +7,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from tf2_py import stored_name
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.program import UsageError
 
@@ -56,8 +57,6 @@ class Key(NamedTuple):
 
 def frame_name(value: Any) -> str | None:
     """Read the name of a frame, as buffers store it."""
-    from tf2_py import stored_name
-
     name = stored_name(value) if isinstance(value, str) else ""
     return name if name and not name.startswith("/") else None  # lookups refuse any other
 

@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tf2_py import stored_name
 from tf2_py.printable import printable
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.options import (
@@ -316,7 +317,7 @@ def correct(options: Namespace) -> int:
     if written == recorded or written.parent == recorded:
         raise UsageError(f"{options.output} is the recording; choose another file")
     buffer = _heard_of(options, records=False).buffer
-    fill_between_keyframes(buffer, *map(_frame, options.trajectory[1:]))
+    fill_between_keyframes(buffer, *map(stored_name, options.trajectory[1:]))
     save(buffer, options.output)
     show(options.output)
     return SUCCESS
@@ -423,8 +424,7 @@ def _parser() -> Parser:
     )
     _add_recording(command)
     _add_trajectory(command)
-    command.add_argument("target", metavar="TARGET", type=_frame, help="the frame in which the pose is given")
-    command.add_argument("source", metavar="SOURCE", type=_frame, help="the frame whose pose is looked up")
+    _add_frames(command)
     when = _add_when(command)
     summary = "look up at these times, in seconds since 1970; 0 does not mean the latest time"
     when.add_argument("--times", nargs="+", type=nanoseconds, metavar="T", help=summary)
@@ -444,8 +444,7 @@ def _parser() -> Parser:
     )
     _add_recording(command)
     _add_trajectory(command)
-    command.add_argument("target", metavar="TARGET", type=_frame, help="the frame in which the pose is given")
-    command.add_argument("source", metavar="SOURCE", type=_frame, help="the frame whose pose is explained")
+    _add_frames(command)
     summary = "the time, in seconds since 1970; by default, the latest time for which all frames have data"
     command.add_argument("--at", type=_time, default=0, metavar="S", help=summary)
     command = add(
@@ -531,6 +530,11 @@ def _add_trajectory(made: Parser, *, required: bool = False) -> None:
     made.add_argument("--trajectory-start", type=_start, metavar="S", help=summary)
 
 
+def _add_frames(made: Parser) -> None:
+    for name, what in (("target", "in which the pose is given"), ("source", "whose pose it is")):
+        made.add_argument(name, metavar=name.upper(), type=stored_name, help=f"the frame {what}")
+
+
 def _add_file(made: Parser) -> None:
     made.add_argument("file", metavar="FILE", help="the recording")
 
@@ -561,7 +565,7 @@ def _add_topics(made: Parser) -> None:
 
 def _poses(text: str) -> tuple[str, tuple[str, str] | None]:
     topic, equals, frames = text.partition("=")
-    parent, _, child = map(_frame, frames.partition(","))
+    parent, _, child = map(stored_name, frames.partition(","))
     if not topic or equals and not (parent and child):
         raise ArgumentTypeError(f"expected TOPIC or TOPIC=PARENT,CHILD, got {text!r}")
     return topic, (parent, child) if equals else None
@@ -592,12 +596,6 @@ def _time(text: str) -> int:
     if time_ns == 0:
         raise ArgumentTypeError("0 is not the time of a transform; without --at, the time is the latest one")
     return time_ns
-
-
-def _frame(name: str) -> str:
-    from tf2_py import stored_name
-
-    return stored_name(name)
 
 
 def bag(options: Namespace) -> int:

@@ -15,6 +15,7 @@ from importlib.util import find_spec
 from math import nan
 from typing import TYPE_CHECKING, NoReturn
 
+from tf2_py import stored_name
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.options import add_live_option, positive_number
 from tf2_ros_tools.common.output import counted, show, show_json
@@ -121,8 +122,6 @@ def _ends(frames: list[str]) -> tuple[str, str] | None:
         return None
     if len(frames) != 2:
         raise UsageError(f"expected 0 or 2 frames, got {len(frames)}")
-    from tf2_py import stored_name
-
     a, b = map(stored_name, frames)
     return a, b
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Show names that anybody may have sent, and numbers with their units."""
 
-__all__ = ["printable"]
+__all__ = ["counted", "printable"]
 
 
 def printable(text: str) -> str:

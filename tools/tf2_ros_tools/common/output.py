@@ -25,11 +25,6 @@ def show_json(content: Any) -> None:
     print(json.dumps(content).replace("\x7f", r"\u007f"))
 
 
-def counted(number: float, what: str) -> str:
-    """Format a number and its unit: ``1 frame``, ``2 frames``, ``2.5 seconds``."""
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
-
-
 def three_digits(number: float) -> str:
     """Format a number with three significant digits, or from 100 on as a whole number."""
     return f"{number:.0f}" if abs(number) >= 100.0 else f"{number:.3g}"

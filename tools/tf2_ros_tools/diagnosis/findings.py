@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tf2_py.printable import counted
 from tf2_ros.numpy import to_matrix
-from tf2_ros_tools.common.output import DAY_S, counted, first_names, span, three_digits
+from tf2_ros_tools.common.output import DAY_S, first_names, span, three_digits
 from tf2_ros_tools.common.program import UsageError
 from tf2_ros_tools.common.roll_pitch_yaw import rpy_from_matrices
 from tf2_ros_tools.common.yaml_files import NOT_NEGATIVE, Key, boolean, frame_name, read_keys, read_yaml

@@ -9,7 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
-from tf2_ros_tools.common.output import counted, show, show_json
+from tf2_py.printable import counted
+from tf2_ros_tools.common.output import show, show_json
 from tf2_ros_tools.common.program import FAILURE, SUCCESS
 from tf2_ros_tools.diagnosis.findings import Finding
 from tf2_ros_tools.diagnosis.stream_statistics import Stream

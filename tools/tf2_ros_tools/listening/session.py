@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_py import TransformException
+from tf2_py.printable import counted
 from tf2_ros import Buffer
-from tf2_ros_tools.common.output import counted, span
+from tf2_ros_tools.common.output import span
 from tf2_ros_tools.diagnosis.findings import Expectation, Finding, Limits, Received, find
 from tf2_ros_tools.diagnosis.stream_statistics import Refused, Stream, Streams, moving_on
 from tf2_ros_tools.diagnosis.texts import milliseconds

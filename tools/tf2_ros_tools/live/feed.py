@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from operator import index
 from typing import Any, TypeVar, cast
 
-from tf2_py.printable import printable
+from tf2_py.printable import counted, printable
 from tf2_ros import Buffer
 from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages
-from tf2_ros_tools.common.output import counted, span
+from tf2_ros_tools.common.output import span
 from tf2_ros_tools.live.broadcaster import OWN, Broadcaster, StaticBroadcaster
 from tf2_ros_tools.live.transport import Publisher, Sender, Wire
 

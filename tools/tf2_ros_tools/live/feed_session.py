@@ -8,10 +8,9 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from tf2_py.printable import printable
+from tf2_py.printable import counted, printable
 from tf2_ros import Buffer
 from tf2_ros.records import Recording
-from tf2_ros_tools.common.output import counted
 from tf2_ros_tools.common.program import RunError, UsageError
 from tf2_ros_tools.diagnosis.findings import Finding
 from tf2_ros_tools.live import connect

@@ -20,8 +20,7 @@ from textual.containers import VerticalScroll
 from textual.widgets import DataTable, Footer, Input, Static
 
 from tf2_py import FrameInfo
-from tf2_py.printable import printable
-from tf2_ros_tools.common.output import counted
+from tf2_py.printable import counted, printable
 from tf2_ros_tools.common.program import RunError
 from tf2_ros_tools.diagnosis.stream_statistics import Stream
 from tf2_ros_tools.diagnosis.texts import milliseconds, rate_text

@@ -12,9 +12,8 @@ from math import hypot, inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from tf2_py.printable import printable
+from tf2_py.printable import counted, printable
 from tf2_ros_tools.common.options import add_topic_option, finite_number
-from tf2_ros_tools.common.output import counted
 from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, UsageError, run, wait_until_interrupted
 from tf2_ros_tools.common.roll_pitch_yaw import quaternion_from_rpy
 from tf2_ros_tools.common.yaml_files import Key, frame_name, number_in, read_keys, read_list

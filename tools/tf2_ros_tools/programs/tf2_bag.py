@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tf2_py import stored_name
-from tf2_py.printable import printable
+from tf2_py.printable import counted, printable
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.options import (
     add_output,
@@ -30,7 +30,7 @@ from tf2_ros_tools.common.options import (
     positive_number,
     refuse_plot,
 )
-from tf2_ros_tools.common.output import counted, first_names, show, show_json, span, write_whole
+from tf2_ros_tools.common.output import first_names, show, show_json, span, write_whole
 from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, UsageError, run
 from tf2_ros_tools.diagnosis.check_options import add_check_options
 

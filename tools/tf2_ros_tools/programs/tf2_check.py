@@ -11,8 +11,9 @@ from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from tf2_py.printable import counted
 from tf2_ros_tools.common.options import add_live_option, positive_number
-from tf2_ros_tools.common.output import counted, span
+from tf2_ros_tools.common.output import span
 from tf2_ros_tools.common.program import Parser, run
 from tf2_ros_tools.diagnosis.check_options import add_check_options
 

@@ -16,9 +16,10 @@ from math import nan
 from typing import TYPE_CHECKING, NoReturn
 
 from tf2_py import stored_name
+from tf2_py.printable import counted
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.options import add_live_option, positive_number
-from tf2_ros_tools.common.output import counted, show, show_json
+from tf2_ros_tools.common.output import show, show_json
 from tf2_ros_tools.common.pace import Pace
 from tf2_ros_tools.common.program import EXIT_STATUS, SUCCESS, Parser, UsageError, run
 

@@ -7,8 +7,9 @@ import time
 from argparse import Namespace
 from functools import partial
 
+from tf2_py.printable import counted
 from tf2_ros_tools.common.options import add_live_option, add_plot_options, positive_number, refuse_plot
-from tf2_ros_tools.common.output import counted, show
+from tf2_ros_tools.common.output import show
 from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, run
 
 S = 1_000_000_000

@@ -8,9 +8,10 @@ from argparse import Namespace
 from functools import partial
 from os.path import splitext
 
+from tf2_py.printable import counted
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.options import add_live_option, format_of, non_negative_number
-from tf2_ros_tools.common.output import counted, show, write_whole
+from tf2_ros_tools.common.output import show, write_whole
 from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, run
 
 FORMATS = ("pdf", "svg", "png")

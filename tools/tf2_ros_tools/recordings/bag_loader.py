@@ -16,13 +16,13 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py.printable import printable
+from tf2_py.printable import counted, printable
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import Buffer, TransformStamped
 from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages, read_transforms
 from tf2_ros_tools.common.optional_libraries import require
-from tf2_ros_tools.common.output import counted, first_names
+from tf2_ros_tools.common.output import first_names
 from tf2_ros_tools.recordings import foxglove_messages
 from tf2_ros_tools.recordings.bag_reader import (
     TF_TYPES,

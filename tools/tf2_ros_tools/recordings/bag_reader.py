@@ -17,11 +17,10 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypeVar
 
 import numpy as np
 
-from tf2_py.printable import printable
+from tf2_py.printable import counted, printable
 from tf2_py.typing import TimeLike
 from tf2_ros.numpy import to_nanoseconds
 from tf2_ros_tools.common.optional_libraries import require
-from tf2_ros_tools.common.output import counted
 from tf2_ros_tools.recordings import foxglove_messages
 
 if TYPE_CHECKING:

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import BufferCore, LookupException
-from tf2_py.printable import printable
-from tf2_ros_tools.common.output import counted, write_whole
+from tf2_py.printable import counted, printable
+from tf2_ros_tools.common.output import write_whole
 from tf2_ros_tools.recordings.bag_loader import (
     TOPICS,
     PoseTopics,

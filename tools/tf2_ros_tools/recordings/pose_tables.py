@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import BufferCore, ConnectivityException, TransformException
-from tf2_py.printable import printable
+from tf2_py.printable import counted, printable
 from tf2_ros_tools.common.optional_libraries import require
-from tf2_ros_tools.common.output import counted
 from tf2_ros_tools.diagnosis.stream_statistics import moving_on, path_to_root, stamps_on, taken
 from tf2_ros_tools.recordings.header_stamps import UNSET_NS
 

@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_py import BufferCore, ExtrapolationException, TransformException, stored_name
-from tf2_py.printable import printable
+from tf2_py.printable import counted, printable
 from tf2_py.typing import TimeLike
 from tf2_ros.correction import correct
 from tf2_ros.numpy import to_matrix
 from tf2_ros.serialization import serialize_arrays
-from tf2_ros_tools.common.output import counted
 from tf2_ros_tools.recordings.bag_reader import BagError, Raw, Recorded, as_time_ns, listed, typestore
 from tf2_ros_tools.recordings.joints_and_poses import NAMED, PATH, POSE_ARRAY, POSES, poses_of
 from tf2_ros_tools.recordings.pose_files import LAST_NS, StampedPoses, read_kitti, read_table, read_times

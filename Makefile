@@ -204,7 +204,7 @@ $(VENV)/test.stamp: pyproject.toml
 	@touch $@
 
 # Made anew only when the requirements change; pip finds the project installed and adds what the extra names.
-dev_SIZE := up to 800 MB
+dev_SIZE := up to 900 MB
 docs_SIZE := 100 MB
 $(foreach extra,dev docs,$(VENV)/$(extra).stamp): $(VENV)/%.stamp: pyproject.toml
 	@$(MAKE) -s $(VENV)/installed.stamp

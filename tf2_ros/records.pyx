@@ -174,7 +174,7 @@ cdef class Recording:
 
     def publishers(self):
         """
-        Get the publishers as bytes: their gids from a listener, or the names of topics from messages.
+        Get the publishers as bytes: their gids from a listener; from messages, those of their sources.
 
         The list only grows, and is the same object each time.
         """

@@ -14,7 +14,9 @@ __all__ = ["MessageSource", "insert_messages", "read_transforms", "serialize_arr
 
 class MessageSource:
     topic: str
-    def __new__(cls, topic: str, static: bool = False, prefix: str = "") -> MessageSource: ...
+    def __new__(
+        cls, topic: str, static: bool = False, prefix: str = "", publisher: bytes = b""
+    ) -> MessageSource: ...
 
 def insert_messages(
     buffer: BufferCore,

@@ -54,12 +54,13 @@ cdef enum:
 
 
 cdef class MessageSource:
-    """MessageSource(topic, static=False, prefix='')\n--\n
+    """MessageSource(topic, static=False, prefix='', publisher=b'')\n--\n
     A topic whose transforms are wanted.
 
     :param str topic: its name, which is also the authority of its transforms.
     :param bool static: whether its transforms are valid at all times.
     :param str prefix: a text that is put in front of the names of its frames.
+    :param bytes publisher: its publisher in a recording. Empty: the name of the topic.
     """
 
     cdef readonly str topic
@@ -69,10 +70,13 @@ cdef class MessageSource:
     cdef size_t _authority_size
     cdef const char* _prefix
     cdef size_t _prefix_size
+    cdef bytes _publisher
 
-    def __cinit__(self, str topic not None, bint static=False, str prefix not None=""):
+    def __cinit__(self, str topic not None, bint static=False, str prefix not None="",
+                  bytes publisher not None=b""):
         cdef Py_ssize_t size
         self.topic = topic
+        self._publisher = publisher or topic.encode()
         self._is_static = static
         self._authority = name_utf8(topic, &size)
         self._authority_size = size
@@ -108,8 +112,8 @@ def insert_messages(Engine buffer not None, messages, sources, *, on_malformed=N
     :param on_broken: ``on_broken(error, last_time_ns)`` is called if iterating over ``messages`` raises.
         Return the exception to raise instead. ``last_time_ns`` is None before the first message. None: the
         error itself is raised.
-    :param Recording recording: records each transform, with the topic as publisher and the time as time of
-        reception.
+    :param Recording recording: records each transform, with the publisher of its source and the time as time
+        of reception.
     :param list records: the records that do not fit into ``recording`` are appended, as arrays.
     :param progress: called from time to time with the number of messages since the last call.
     :return: the number of messages.
@@ -223,8 +227,8 @@ cdef class Filling:
         cdef Records* noted = &self.recording._records
         if noted.count and noted.count + self.batch.count > noted.capacity:
             self.records.append(self.recording.take())
-        records_add(noted, &self.batch, log_ns, <const unsigned char*>self.source._authority,
-                    self.source._authority_size)
+        cdef bytes publisher = self.source._publisher
+        records_add(noted, &self.batch, log_ns, publisher, len(publisher))
         return 0
 
     cdef int insert(self) except -1:

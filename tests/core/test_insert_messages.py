@@ -27,6 +27,15 @@ def test_what_a_small_recording_has_no_place_for_comes_in_arrays():
     assert recording.lost == 0
 
 
+def test_a_publisher_is_recorded_instead_of_the_topic():
+    recording, sources = Recording(), [MessageSource("/tf", publisher=b"\x00\x01"), SOURCES[1]]
+    buffer = BufferCore()
+    insert_messages(buffer, MESSAGES, sources, recording=recording)
+    assert recording.publishers() == [b"/tf_static", b"\x00\x01"]
+    assert recording.take()["publisher"].tolist() == [0, 1, 1, 1, 1]
+    assert "broadcaster: '/tf'" in buffer.all_frames_as_yaml()
+
+
 def test_the_numbers_of_static_transforms_are_noted_once_each():
     first, moved, turn = (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), (0.0, 0.0, 0.6, 0.8)
     camera = [transform("base", "camera", 0, xyz, turn) for xyz in (first, moved)]

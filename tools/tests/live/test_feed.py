@@ -263,12 +263,26 @@ def test_errors_of_lookups_say_what_has_not_been_received(monkeypatch):
 def test_a_publisher_whose_name_becomes_known_is_one_stream():
     recording, wire = Recording(), Wire()
     wire.publishers = lambda: [Publisher("/tf", "/robot", "", "0123")]
-    with Feed(wire=wire, recording=recording) as feed:
-        wire.take(message(), False, "0123")
-        wire.take(message(seconds=2), False, "/robot")
-        heard = Listening(FeedSession(feed, "x://robot", recording), recording, None)
+    with Feed(name="x://robot", wire=wire, recording=recording) as feed:
+        wire.take(message(), False, "0123", gid=b"\x01\x23")
+        wire.take(message(seconds=2), False, "/robot", gid=b"\x01\x23")
+        heard = Listening(FeedSession(feed, "x://robot"), recording, None)
         streams = heard.report(Limits()).streams
     assert [(one.frame, one.publisher) for one in streams] == [("base", "/robot")]
+
+
+def test_static_transforms_of_a_publisher_that_has_exited_are_no_problem():
+    recording, wire = Recording(), Wire()
+    wire.publishers = lambda: [Publisher("/tf_static", "/present", "", "02")]
+    with Feed(name="x://robot", wire=wire, recording=recording) as feed:
+        wire.take(message(x=1.0), True, "/ended", gid=b"\x01")
+        wire.take(message(x=2.0), True, "/present", gid=b"\x02")
+        heard = Listening(FeedSession(feed, "x://robot"), recording, None)
+        assert heard.report(Limits()).findings == []
+        # Some publishers have no gid.
+        wire.take(message(x=3.0), True)
+        kinds = {one.kind for one in heard.report(Limits()).findings}
+    assert kinds == {"publishers", "values"}
 
 
 def test_a_publisher_of_malformed_messages_is_not_called_silent():
@@ -284,7 +298,7 @@ def test_a_publisher_of_malformed_messages_is_not_called_silent():
 def test_a_silent_publisher_is_a_problem_of_qos_only_after_the_discovery(monkeypatch):
     wire = Wire(reasons={"/tf": "/robot publishes it, but has sent nothing"})
     with Feed(wire=wire) as feed:
-        session = FeedSession(feed, "x://robot", None)
+        session = FeedSession(feed, "x://robot")
         [found] = session.findings()
         assert found.kind == "nothing"
         monkeypatch.setattr("tf2_ros_tools.live.feed_session.DISCOVERY_S", 0.0)

@@ -97,15 +97,6 @@ class Session(Protocol):
         """Note the names of publishers; return the ids of the present ones, or none if it knows no ids."""
         ...
 
-    def same_publishers(self, ids: Sequence[bytes]) -> list[int] | None:
-        """
-        Find publishers that have several ids.
-
-        :param ids: of the publishers in a recording, by their numbers there.
-        :return: for each the number of the first id of the same publisher; None: each has a single id.
-        """
-        ...
-
     def log_no_refusals(self) -> None:
         """Have the buffer not log which transforms it refuses."""
 
@@ -151,11 +142,8 @@ class Listening:
         Except for dynamic transforms before the first message on /clock: until then, simulated time is 0.
         """
         records: NDArray[np.void] = self._recording.take()
-        gids = self._recording.publishers()
-        if not self.session.names.keys() >= {*gids}:
+        if not self.session.names.keys() >= {*self._recording.publishers()}:
             self.session.look_up_publishers()  # now, because one may exit before the report
-        if (same := self.session.same_publishers(gids)) is not None:
-            records["publisher"] = np.array(same, np.uint32)[records["publisher"]]
         self._streams.add(records[(records["received_ns"] > 0) | (records["static"] != 0)])
 
     def records(self) -> NDArray[np.void]:

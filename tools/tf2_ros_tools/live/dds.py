@@ -207,7 +207,8 @@ class DdsWire:
                 self._look_around(end)
             publisher = self._publishers.get(info.publication_handle)
             name = "" if publisher is None else self._node_of(publisher) or publisher.key.hex
-            take(sample.data, is_static, name, info.source_timestamp)
+            gid = b"" if publisher is None else publisher.key.bytes
+            take(sample.data, is_static, name, info.source_timestamp, 0, gid)
         return bool(samples)
 
     def _look_around(self, end: End) -> None:

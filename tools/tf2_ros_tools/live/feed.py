@@ -144,6 +144,7 @@ class Feed:
         publisher: str = "",
         sent_ns: int = 0,
         lost: int = 0,
+        gid: bytes = b"",
     ) -> None:
         """
         Insert the transforms of a message. Any thread may call it; after :meth:`close` it does nothing.
@@ -153,6 +154,7 @@ class Feed:
         :param publisher: the name of whoever sent it; listings and log lines show it. ``""``: not known.
         :param sent_ns: when it was sent, by the clock of the robot, in ns since 1970. 0: not known.
         :param lost: how many messages of this publisher were lost since its last one.
+        :param gid: the publisher in ``recording``. Empty: ``publisher``.
         :raises TypeError: ``data`` is not bytes, a bytearray or a memoryview, or another argument has the
             wrong type.
         :raises ValueError: ``publisher`` contains a NUL character.
@@ -169,7 +171,7 @@ class Feed:
         if not isinstance(is_static, bool):
             raise TypeError(f"is_static: expected True or False, got {is_static!r}")
         sent_ns, lost = index(sent_ns), index(lost)  # raises a TypeError before anything is inserted
-        source = MessageSource(publisher or self._name, is_static, self._prefix)
+        source = MessageSource(publisher or self._name, is_static, self._prefix, gid)
         if self._source.why_ended():
             return
         received_ns = time.time_ns()

@@ -5,7 +5,7 @@
 import logging
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from tf2_py.printable import counted, printable
@@ -14,6 +14,7 @@ from tf2_ros.records import Recording
 from tf2_ros_tools.common.program import RunError, UsageError
 from tf2_ros_tools.diagnosis.findings import Finding
 from tf2_ros_tools.live import connect
+from tf2_ros_tools.live.broadcaster import OWN
 from tf2_ros_tools.live.feed import Feed
 from tf2_ros_tools.live.transport import DISCOVERY_S
 
@@ -21,11 +22,12 @@ from tf2_ros_tools.live.transport import DISCOVERY_S
 class FeedSession:
     """A :class:`~tf2_ros_tools.listening.session.Session` of a feed."""
 
-    def __init__(self, feed: Feed, where: str, recording: Recording | None) -> None:
+    def __init__(self, feed: Feed, where: str) -> None:
         self.feed, self.buffer = feed, feed.buffer
         self.where = f"on {' and '.join(feed.topics)} at {where}"
-        self.names: dict[bytes, str] = {}
-        self._recording = recording
+        # Messages without a gid, and what this program sends, are recorded with these instead.
+        self._without_gid = {one.encode(): one for one in (where, OWN)}
+        self.names = self._without_gid.copy()
         self._began = time.monotonic()
 
     def now_ns(self) -> int:
@@ -38,22 +40,13 @@ class FeedSession:
     def info(self, text: str) -> None:
         sys.stderr.write(f"[INFO] {printable(text)}\n")
 
-    def same_publishers(self, ids: Sequence[bytes]) -> list[int]:
-        # A message is recorded with the id of its publisher until the name of the node is known.
-        self.look_up_publishers()
-        first: dict[str, int] = {}
-        return [first.setdefault(self.names[one], number) for number, one in enumerate(ids)]
-
     def log_no_refusals(self) -> None:
         logging.getLogger("tf2_py").setLevel(logging.CRITICAL + 1)
 
-    def look_up_publishers(self) -> tuple[()]:
-        # Messages are recorded with the name of their publisher, or with its id until the name was known.
-        known = {one.id: one.node for one in self.feed.publishers() if one.node}
-        for one in [] if self._recording is None else self._recording.publishers():
-            text = one.decode(errors="replace")
-            self.names[one] = known.get(text) or self.names.get(one) or text
-        return ()
+    def look_up_publishers(self) -> set[bytes]:
+        nodes = {bytes.fromhex(one.id): one.node for one in self.feed.publishers()}
+        self.names.update((gid, node) for gid, node in nodes.items() if node)
+        return {*nodes, *self._without_gid}
 
     def clock_publishers(self) -> list[str]:
         return []
@@ -96,4 +89,4 @@ def live_session(
     except ConnectionError as failure:
         raise RunError(str(failure)) from None
     with feed:
-        yield FeedSession(feed, where, recording)
+        yield FeedSession(feed, where)

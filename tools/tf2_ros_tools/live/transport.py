@@ -20,8 +20,8 @@ class Publisher(NamedTuple):
     Who publishes on a topic.
 
     Fields: ``topic``; ``node``, the name of the node with its namespace, or ``""`` if it is not known;
-    ``detail``, further facts, such as the quality of service; ``id``, the name of the publisher in listings
-    and log lines while its node is not known.
+    ``detail``, further facts, such as the quality of service; ``id``, the gid of the publisher in
+    hexadecimal, which is its name in listings and log lines while its node is not known.
     """
 
     topic: str
@@ -40,6 +40,7 @@ class Take(Protocol):
         publisher: str = "",
         sent_ns: int = 0,
         lost: int = 0,
+        gid: bytes = b"",
     ) -> None:
         """
         Hand over a message.
@@ -50,6 +51,7 @@ class Take(Protocol):
         :param sent_ns: when it was sent, by the clock of the robot, in ns since 1970. 0: not known.
         :param lost: how many messages of this publisher were lost since its last one. 0 also if the wire
             does not count losses.
+        :param gid: of the publisher.
         """
 
 

@@ -288,7 +288,7 @@ class ZenohWire:
         if len(last) > ENDED_PUBLISHERS_KEPT:
             del last[next(iter(last))]  # of the one that was heard first
         node = self._nodes.get(gid) or gid.hex()
-        take(data, is_static, node, max(sent_ns, 0), lost if 0 < lost < MOST_LOST else 0)
+        take(data, is_static, node, max(sent_ns, 0), lost if 0 < lost < MOST_LOST else 0, gid)
 
 
 class _Announcement(NamedTuple):

@@ -140,9 +140,6 @@ class NodeSession:
     def info(self, text: str) -> None:
         self._node.get_logger().info(text)
 
-    def same_publishers(self, ids: Sequence[bytes]) -> None:
-        """Return None: an id is a gid."""
-
     def log_no_refusals(self) -> None:
         set_logger_level("tf2_py", LoggingSeverity.FATAL)
 

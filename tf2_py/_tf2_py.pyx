@@ -4,7 +4,7 @@
 
 cimport cython
 from cpython.bytearray cimport PyByteArray_AS_STRING
-from cpython.bytes cimport PyBytes_AS_STRING, PyBytes_GET_SIZE
+from cpython.bytes cimport PyBytes_AS_STRING, PyBytes_FromStringAndSize, PyBytes_GET_SIZE
 from cpython.buffer cimport (
     PyBUF_C_CONTIGUOUS,
     PyBUF_FORMAT,
@@ -15,7 +15,6 @@ from cpython.buffer cimport (
 from cpython.exc cimport PyErr_CheckSignals
 from cpython.float cimport PyFloat_AS_DOUBLE, PyFloat_AsDouble, PyFloat_CheckExact, PyFloat_FromDouble
 from cpython.long cimport PyLong_AsLongLong, PyLong_CheckExact
-from cpython.mem cimport PyMem_Free, PyMem_Malloc
 from cpython.memoryview cimport PyMemoryView_FromMemory
 from cpython.object cimport PyTypeObject
 from cpython.ref cimport Py_DECREF, Py_INCREF, Py_XDECREF
@@ -348,13 +347,13 @@ cdef class BufferCore(Engine):
         Get the contents of this buffer at one moment, for pickles and copies. Other threads may continue to
         insert.
 
-        :return: a dict with the samples as NumPy arrays, who sent them, the cache time, the limits, and under
-            ``"attributes"`` the attributes of a subclass, except for those in slots. Pending waits, names
-            without samples, the order of listings and the counters of :meth:`statistics` are not included.
-            If the buffer was opened from a frozen file and is unchanged, and the file is still there,
-            ``"frozen"`` with the path of the file stands for the contents, cache time and limits.
+        :return: a dict with the bytes of a file of :meth:`freeze` under ``"image"``: the samples, who sent
+            them, the cache time and the limits; and with the attributes of a subclass, except for those
+            in slots, under ``"attributes"``. Pending waits, names without samples and the counters of
+            :meth:`statistics` are not included. If the buffer was opened from a frozen file and is unchanged,
+            and the file is still there, ``"frozen"`` with the path of the file stands for the image.
         """
-        cdef dict state = self.frozen_state() or self.export()
+        cdef dict state = self.state()
         state["attributes"] = self._tf2_attributes()
         return state
 
@@ -367,8 +366,8 @@ cdef class BufferCore(Engine):
         Replace the contents of this buffer by a state; pending waits continue.
 
         :param state: a dict that :meth:`__getstate__` returned.
-        :raises ValueError: ``state`` is not the state of a buffer, contains a transform that buffers refuse,
-            or names a frozen file that is damaged or was replaced by another. The buffer is unchanged.
+        :raises ValueError: ``state`` is not the state of a buffer, is damaged, or names a frozen file that is
+            damaged or was replaced by another. The buffer is unchanged.
         :raises OSError: this frozen file cannot be opened.
         """
         if not isinstance(state, dict):
@@ -385,8 +384,8 @@ cdef class BufferCore(Engine):
                 path, expected = frozen_file.from_state(state)
                 self.open_frozen(path, expected)
             else:
-                self.restore(dict(state))
-        except (AttributeError, OverflowError, TypeError) as error:
+                self.restore(state.get("image"))
+        except (BufferError, TypeError) as error:
             raise ValueError(f"this is not the state of a buffer: {error}") from error
         if attributes:
             # As in pickle, this bypasses a __setattr__ of the class, which may rely on what __init__ does.
@@ -1108,7 +1107,7 @@ cdef class BufferCore(Engine):
         :return: a dict from the name of each frame with samples to a named tuple :class:`History`, whose
             arrays are copies.
         """
-        return {one.frame: one for one in listings.histories(self.export())}
+        return self.frame_histories()
 
     def frames(self) -> dict[str, FrameInfo]:
         """

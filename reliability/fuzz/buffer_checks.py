@@ -16,15 +16,8 @@ class Fault(AssertionError):
 
 
 def holds_the_same(a: BufferCore, b: BufferCore) -> bool:
-    """Whether the states of two buffers are the same, to the last bit."""
-    one, other = a.__getstate__(), b.__getstate__()
-    return one.keys() == other.keys() and all(_is_same(one[key], other[key]) for key in one)
-
-
-def _is_same(one: Any, other: Any) -> bool:
-    if isinstance(one, np.ndarray):
-        return one.dtype == other.dtype and one.shape == other.shape and one.tobytes() == other.tobytes()
-    return bool(one == other)
+    """Whether the images of two buffers are the same, to the last bit."""
+    return np.array_equal(a.__getstate__()["image"], b.__getstate__()["image"])
 
 
 def answers(buffer: BufferCore, most: int = 6) -> None:

@@ -19,6 +19,7 @@ from messages_with_or_without_ros import Duration
 from model_math import composed, inverse
 from model_terms import ModelError
 from numpy.testing import assert_allclose
+from pickles_and_copies import image_of
 from times_and_transforms import S, about_z, transform
 
 from tf2_py import BufferCore, ExtrapolationException, LookupException
@@ -174,10 +175,10 @@ def test_the_corrected_frame_may_be_the_moving_one():
 
 def test_a_keyframe_without_odometry_raises_with_its_index_or_is_skipped():
     buffer, times = drive(), np.array([3 * S, 40 * S, 5 * S, S // 2])
-    before = buffer.__getstate__()["transforms"]
+    before = image_of(buffer)
     with pytest.raises(ExtrapolationException, match=r"^times\[1\]: .*future"):
         correct(buffer, *EDGE, times, poses_at(times))
-    assert np.array_equal(buffer.__getstate__()["transforms"], before)
+    assert image_of(buffer) == before
     assert correct(buffer, *EDGE, times, poses_at(times), on_missing="skip") == 2
     assert errors(buffer, times[[0, 2]])[0] < 1e-12
     assert correct(buffer, *EDGE, times[[1, 3]], poses_at(times[[1, 3]]), on_missing="skip") == 0
@@ -244,7 +245,7 @@ def test_poses_in_another_frame_are_refused():
     for poses in (iter(stamped), np.array(stamped)):
         with pytest.raises(ValueError, match=r"poses\[1\]: expected a pose in 'map', got one in 'odom'"):
             correct(buffer, *EDGE, times, poses)
-    assert np.array_equal(buffer.__getstate__()["transforms"], before.__getstate__()["transforms"])
+    assert image_of(buffer) == image_of(before)
     stamped[1].header.frame_id = "/map"
     assert correct(buffer, *EDGE, times, iter(stamped)) == 2
     assert max(errors(buffer, times)) < 1e-12
@@ -280,10 +281,10 @@ def test_equal_keyframes_whose_poses_differ_are_refused_or_all_left_out():
         text = rf"times\[1\] and times\[3\] are both 3.000000000 s, but their poses are {apart} apart"
         with pytest.raises(ValueError, match=text):
             correct(buffer, *EDGE, times, poses)
-        assert np.array_equal(buffer.__getstate__()["transforms"], before.__getstate__()["transforms"])
+        assert image_of(buffer) == image_of(before)
         assert correct(buffer, *EDGE, times, poses, on_missing="skip", before="hold") == 2
         assert correct(before, *EDGE, times[[0, 2]], poses[[0, 2]], before="hold") == 2
-        assert np.array_equal(buffer.__getstate__()["transforms"], before.__getstate__()["transforms"])
+        assert image_of(buffer) == image_of(before)
         assert correct(buffer, *EDGE, times[[1, 3]], poses[[1, 3]], on_missing="skip") == 0
 
 
@@ -291,7 +292,7 @@ def test_names_of_frames_are_stored_without_their_leading_slash():
     buffer, other = drive(), drive()
     for one, edge in ((buffer, ("/map", "/odom", "/base")), (other, EDGE)):
         assert correct(one, *edge, KEYFRAMES_NS, poses_at(KEYFRAMES_NS)) == len(KEYFRAMES_NS)
-    assert np.array_equal(buffer.__getstate__()["transforms"], other.__getstate__()["transforms"])
+    assert image_of(buffer) == image_of(other)
 
 
 def test_the_way_out_of_a_static_child_is_a_new_frame_above_its_parent():
@@ -321,14 +322,14 @@ def test_a_moving_frame_that_hung_elsewhere_at_a_keyframe_is_refused():
 def test_wrong_arguments_are_refused_and_change_nothing(text):
     buffer, (kind, wrong) = drive(), WRONG[text]
     buffer.set_transform_static(transform("base", "lidar"), "urdf")
-    before = buffer.__getstate__()["transforms"]
+    before = image_of(buffer)
     poses = poses_at(np.array([S, 2 * S]))
     if np.isnan(wrong.get("poses", poses)).any():
         wrong = {"poses": np.array([poses[0], wrong["poses"][0]])}
     given = {"buffer": buffer, "parent": "map", "child": "odom", "moving": "base", "times": [S, 2 * S]}
     with pytest.raises(kind, match=text):
         correct(**given | {"poses": poses} | wrong)
-    assert np.array_equal(buffer.__getstate__()["transforms"], before)
+    assert image_of(buffer) == before
 
 
 # Beside the model.

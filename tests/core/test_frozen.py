@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Frozen files: what is opened answers as before, memory is shared, and bad files are refused."""
+"""Frozen files, and images in memory: what is opened answers as before, and bad ones are refused."""
 
 import copy
 import math
 import os
 import pickle
 import random
+import re
 import resource
 import struct
 import subprocess
@@ -16,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from frozen_format import FRAME, HEADER, LINE, FrozenFile
-from pickles_and_copies import check_copy, filled, held
+from pickles_and_copies import check_copy, filled, held, image_of
 from random_runs import first_seed, times
 from times_and_transforms import S, about_z, transform
 from waiting import DEADLINE_S
@@ -47,6 +48,13 @@ def replace(path, data):
     """Another file under this name, as programs write it that do not know what a frozen file is."""
     path.unlink(missing_ok=True)
     path.write_bytes(data)
+
+
+def arrived(data):
+    """A buffer of an image, as a pickle or copy has it."""
+    buffer = BufferCore()
+    buffer.__setstate__({"image": data})
+    return buffer
 
 
 # Answers.
@@ -166,10 +174,10 @@ def test_only_changed_frames_are_in_memory_of_the_process(path):
 
 
 def test_the_limit_of_memory_is_about_changed_frames(path):
-    buffer = large()
-    state = buffer.__getstate__() | {"max_bytes": 100_000}
-    buffer.__setstate__(state)  # it holds more than that
-    buffer.freeze(path)
+    file = FrozenFile(image_of(large()))
+    file.change_header(max_bytes=100_000)  # it holds more than that
+    file.renew_checksum()
+    replace(path, file.data)
     opened = BufferCore.open(path)
     opened.set_transform(transform("map", "camera", 1), "x")
     opened.set_transform(transform("map", "base", ns=2001), "x")  # does not fit in memory of the process
@@ -379,23 +387,32 @@ def test_a_file_with_any_bit_changed_or_cut_off_anywhere_is_refused_or_sound(fil
     """What the samples are is not known, only what samples may be."""
     whole = bytes(file.data)
     damaged = tmp_path / "damaged.tf2"
-    for at in range(0, len(whole), times(3, 1)):
-        changed = bytearray(whole)
-        changed[at] ^= 1 << at % 8
-        damaged.write_bytes(changed)
-        try:
-            opened = BufferCore.open(damaged)
-        except ValueError as error:
-            assert "damaged.tf2: " in str(error)
-        else:
-            assert at >= file.header.index_bytes
-            opened._self_check()
-        damaged.write_bytes(whole[:at])
-        with pytest.raises(ValueError, match=r"damaged.tf2: "):
-            BufferCore.open(damaged)
-    damaged.write_bytes(whole + bytes(64))
-    with pytest.raises(ValueError, match="its size is not the one in its header"):
-        BufferCore.open(damaged)
+
+    def opened(data):
+        damaged.write_bytes(data)
+        return BufferCore.open(damaged)
+
+    for read, text in ((opened, r"damaged\.tf2: "), (arrived, "the state of (a|the) buffer")):
+        for at in range(0, len(whole), times(3, 1)):
+            changed = bytearray(whole)
+            changed[at] ^= 1 << at % 8
+            try:
+                buffer = read(changed)
+            except ValueError as error:
+                assert re.search(text, str(error))
+            else:
+                assert at >= file.header.index_bytes
+                buffer._self_check()
+            with pytest.raises(ValueError, match=text):
+                read(whole[:at])
+        with pytest.raises(ValueError, match=f"{text}.*its size is not the one in its header"):
+            read(whole + bytes(64))
+
+
+def test_an_image_has_the_bytes_of_a_file_without_the_checksum_of_samples(buffer, file):
+    file.change_header(samples_checksum=0)
+    file.renew_checksum()
+    assert image_of(buffer) == file.data
 
 
 def resident_bytes():
@@ -529,7 +546,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("why", HOSTILE)
-def test_a_file_that_was_made_to_break_something_is_refused(why, file, path):
+def test_a_file_that_was_made_to_break_something_is_refused(why, buffer, file, path):
     HOSTILE[why](file)
     file.renew_checksum()
     replace(path, file.data)
@@ -538,6 +555,12 @@ def test_a_file_that_was_made_to_break_something_is_refused(why, file, path):
         says = f"it is damaged: .*{why.rstrip()}.*; freeze the buffer again"
     with pytest.raises(ValueError, match=f"^{path}: {says}$"):
         BufferCore.open(path)
+    says = "this is not the state of a buffer, or another version .*: pickle the buffer again with this one"
+    if "version" not in why:
+        says = f"the state of the buffer is damaged: .*{why.rstrip()}.*; pickle the buffer again"
+    with pytest.raises(ValueError, match=f"^{says}$"):
+        buffer.__setstate__({"image": file.data})
+    check_copy(buffer, filled(BufferCore(20.0, max_frames=20, max_bytes=50_000)))
 
 
 @pytest.mark.parametrize(

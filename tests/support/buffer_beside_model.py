@@ -19,7 +19,6 @@ import yaml
 from cdr_encoder import encode
 from model import Model
 from model_terms import STAMPS_END, ModelError
-from pickles_and_copies import BY_FILE
 from pickles_and_copies import WAYS as WAYS_TO_TRAVEL
 from rclpy.clock import ClockType
 from rclpy.duration import Duration
@@ -228,10 +227,6 @@ class Pair:
         with tempfile.TemporaryDirectory() as folder:
             self.buffer = WAYS_TO_TRAVEL[how](before, Path(folder))
         self.model.travel()
-        if how in BY_FILE:  # which do not name the frames in their order
-            names = self.buffer._getFrameStrings()
-            assert sorted(names) == sorted(self.model.names)
-            self.model.order = names
         self.set_clock(self.now_ns)
         before.clear()  # what the copy has is its own
         before._self_check()

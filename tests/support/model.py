@@ -324,17 +324,16 @@ class Model(Listings, Policies, Explanations):
         return forgotten is not None and forgotten.samples != []
 
     def travel(self):
-        """Become what a copy is: the samples, inserted into another model."""
+        """Become what a copy is: the samples, and the names that these need."""
         self._found.clear()
         self.frames = {
             name: self.frames[name]
             for name in self.names
             if name in self.frames and self.frames[name].samples
         }
-        self.order, self.hidden = [], set()
-        for name, frame in self.frames.items():
-            for used in (name, *[sample[1] for sample in frame.samples]):
-                self._name(used)
+        parents = {sample[1] for frame in self.frames.values() for sample in frame.samples}
+        self.order = [name for name in self.order if name in parents or name in self.frames]
+        self.hidden = set()
         self.taken = sum(len(frame.samples) for frame in self.frames.values())
         self.refused = dict.fromkeys(REASONS, 0)
 

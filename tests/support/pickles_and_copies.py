@@ -61,17 +61,20 @@ WAYS = {
     "frozen": frozen,
     "frozen, pickle": lambda buffer, folder: pickle.loads(pickle.dumps(frozen(buffer, folder))),
 }
-# These leave the attributes of a subclass behind, and list frames in an order of their own.
+# These leave the attributes of a subclass behind.
 BY_FILE = {"frozen", "frozen, pickle"}
 
 
-def settings(buffer):
-    """Cache time and limits; a state that names a file has them there."""
+def image_of(buffer):
+    """All that a copy holds, as the bytes of a frozen file."""
     state = buffer.__getstate__()
-    if "frozen" in state:
-        header = FrozenFile(Path(state["frozen"][0]).read_bytes()).header
-        return [header.cache_time_ns, header.max_frames, header.max_bytes]
-    return [state[key] for key in ("cache_time_ns", "max_frames", "max_bytes")]
+    return Path(state["frozen"][0]).read_bytes() if "frozen" in state else state["image"].tobytes()
+
+
+def settings(buffer):
+    """Cache time and limits."""
+    header = FrozenFile(image_of(buffer)).header
+    return [header.cache_time_ns, header.max_frames, header.max_bytes]
 
 
 def held(buffer):

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tf2_py._objects.errors import NS_PER_S, class_name, seconds
-from tf2_py._objects.frame_names import stored_name
 from tf2_py.printable import counted, printable
 
 if TYPE_CHECKING:
@@ -105,26 +104,6 @@ def as_frame(f: FrameFacts) -> FrameInfo:
     """A frame as programs see it."""
     times = (f.oldest_ns, f.newest_ns) if f.samples and not f.is_static else (None, None)
     return FrameInfo(f.parent, f.is_static, f.samples, *times)
-
-
-def histories(state: dict[str, Any]) -> Iterator[History]:
-    """
-    The histories that are not empty, from a state that ``BufferCore.__getstate__`` returned.
-
-    The numbers are views of the arrays in the state.
-    """
-    import numpy as np
-
-    parent_names = np.empty(len(state["parent_names"]), object)
-    for i, name in enumerate(state["parent_names"]):
-        parent_names[i] = stored_name(name)
-    end = 0
-    for name, is_static, _, count in state["frames"]:
-        begin, end = end, end + count
-        transforms = state["transforms"][begin:end]
-        parents = parent_names[state["parents"][begin:end]]
-        stamps_ns = state["stamps"][begin:end]
-        yield History(stored_name(name), is_static, parents, stamps_ns, transforms[:, :3], transforms[:, 3:])
 
 
 def as_line(kind: type, counts: dict[str, Any], facts: Iterable[FrameFacts]) -> str:

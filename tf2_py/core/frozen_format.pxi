@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Read frozen files: check every number of a mapping, and make a tree whose histories lie in it."""
+"""Read frozen files: check every number of one in memory, and make a tree of it."""
 
 cdef extern from *:
     """
@@ -123,11 +123,10 @@ cdef const char* _frame_problem(const FrozenHeader* header, FrameId frame, Ends*
     return NULL
 
 
-cdef FrozenProblem frozen_check_index(const FileMapping* mapping) noexcept nogil:
+cdef FrozenProblem frozen_check_index(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil:
     # A header may claim an index of any size. What is checked here bounds how much of it is read.
-    cdef const FrozenHeader* header = <const FrozenHeader*>mapping.start
     cdef const FrozenName* authorities
-    cdef const char* text = frozen_check_header(header, mapping.size)
+    cdef const char* text = frozen_check_header(header, file_bytes)
     cdef uint64_t samples = 0
     cdef uint32_t i
     cdef Ends ends
@@ -157,19 +156,25 @@ cdef FrozenProblem frozen_check_index(const FileMapping* mapping) noexcept nogil
     return _problem_of(NULL)
 
 
-cdef const char* _read_frame(FileMapping* mapping, FrameId frame, const uint32_t* authorities,
-                             Tree* tree) noexcept nogil:
-    cdef const FrozenFrame* record = _frames_of(<const FrozenHeader*>mapping.start) + (frame - 1)
-    cdef const char* data = <const char*>mapping.start + record.data_start
+cdef const char* _read_frame(const FrozenHeader* header, FileMapping* mapping, FrameId frame,
+                             const uint32_t* authorities, Tree* tree) noexcept nogil:
+    cdef const FrozenFrame* record = _frames_of(header) + (frame - 1)
+    cdef const char* data = <const char*>header + record.data_start
+    cdef const int64_t* stamps = <const int64_t*>data
+    cdef const Sample* samples = <const Sample*>(data + frozen_stamp_bytes(record.count))
     cdef History history
+    cdef int failed
     memset(&history, 0, sizeof(History))
     history.authority = NAME_UNKNOWN
     history.is_parent = record.flags & FROZEN_PARENT
     if record.kind != HISTORY_NONE:
-        if history_map(&history, mapping, <const int64_t*>data,
-                       <const Sample*>(data + frozen_stamp_bytes(record.count)), record.count) != 0:
-            return ""
         history.kind = HISTORY_DYNAMIC if record.kind == HISTORY_DYNAMIC else HISTORY_STATIC
+        if mapping != NULL:
+            failed = history_map(&history, mapping, stamps, samples, record.count)
+        else:
+            failed = history_import(&history, stamps, samples, record.count)
+        if failed:
+            return ""
         history.parent_changes = record.parent_changes
         history.oldest_ns = record.oldest_ns
         history.newest_ns = record.newest_ns
@@ -215,8 +220,8 @@ cdef FrozenProblem _samples_problem(const FrozenHeader* header, const Tree* tree
     return problem
 
 
-cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, Tree* tree) noexcept nogil:
-    cdef const FrozenHeader* header = <const FrozenHeader*>mapping.start
+cdef FrozenProblem frozen_read(const FrozenHeader* header, FileMapping* mapping, bint checks_samples,
+                               Tree* tree) noexcept nogil:
     cdef uint32_t* authorities = <uint32_t*>malloc((header.authority_count + 1) * sizeof(uint32_t))
     cdef Retention retention
     cdef Limits limits
@@ -229,11 +234,11 @@ cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, Tree* 
     if tree_init(tree, &retention, &limits) == 0 and authorities != NULL:
         text = _add_names(header, tree, authorities, &frame)
     while text == NULL and frame != NO_FRAME:
-        text = _read_frame(mapping, frame, authorities, tree)
+        text = _read_frame(header, mapping, frame, authorities, tree)
         frame -= text == NULL
     free(authorities)
     if text != NULL:
         return _problem_of_frame(frame, text)
     tree.taken = header.sample_count
-    tree.equals_file = True
+    tree.equals_file = mapping != NULL
     return _samples_problem(header, tree) if checks_samples else _problem_of(NULL)

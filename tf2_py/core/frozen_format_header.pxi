@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-Frozen files: a tree as the bytes of a file that processes map. tests/support/frozen_format.py reads
-and changes them in Python.
+Frozen files: a tree as the bytes of a file that processes map, and of a state in which a buffer is pickled
+and copied. tests/support/frozen_format.py reads and changes them in Python.
 
 A header, a FrozenFrame for each frame with samples and for each parent of samples, a FrozenName for each
 authority, all names, and the samples of each frame as they lie in a History: stamps in ascending order, then
@@ -34,7 +34,7 @@ cdef struct FrozenHeader:
     uint32_t authority_count
     uint32_t reserved           # 0, as all that is reserved
     uint64_t sample_count       # of all frames
-    uint64_t samples_checksum   # zlib.crc32: tells files with the same index apart, is not verified
+    uint64_t samples_checksum   # zlib.crc32: tells files of the same index apart, not verified; 0 in a state
     uint64_t[5] reserved_line
 
 
@@ -78,9 +78,11 @@ cdef void frozen_header_begin(FrozenHeader* header) noexcept nogil
 cdef const char* frozen_check_format(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil
 # NULL, or why it is not the header of a file of this size.
 cdef const char* frozen_check_header(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil
-# Whether header and index are those of a file of the size of the mapping, which holds a header at least.
+# Whether header and index are those of a file of this size, which is in memory and holds a header at least.
 # The checksum of the index is left to the caller.
-cdef FrozenProblem frozen_check_index(const FileMapping* mapping) noexcept nogil
-# Makes a tree whose histories lie in the mapping, after frozen_check_index. `checks_samples`: refuse samples
-# that no tree holds; without it, they must have been checked before. tree_free is due in any case.
-cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, Tree* tree) noexcept nogil
+cdef FrozenProblem frozen_check_index(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil
+# Makes a tree of such a file, after frozen_check_index. `mapping`: of the file, where the samples stay; NULL:
+# they are copied. `checks_samples`: refuse samples that no tree holds; without it, they must have been
+# checked before. tree_free is due in any case.
+cdef FrozenProblem frozen_read(const FrozenHeader* header, FileMapping* mapping, bint checks_samples,
+                               Tree* tree) noexcept nogil

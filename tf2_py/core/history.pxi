@@ -78,7 +78,6 @@ cdef HistoryInsert _move(History* history, uint32_t capacity, size_t growth_limi
     # HISTORY_FULL or HISTORY_NO_MEMORY, and nothing has changed. `growth_limit`: by how many bytes the memory
     # may grow.
     cdef size_t bytes = _memory_bytes(capacity)
-    cdef uint32_t first = min(history.count, history.capacity - history.head)
     cdef HistoryMemory* memory
     cdef int64_t* stamps
     cdef Sample* samples
@@ -92,10 +91,8 @@ cdef HistoryInsert _move(History* history, uint32_t capacity, size_t growth_limi
     memory.mapping = NULL
     stamps, samples = _stamps_in(memory), _samples_in(memory, capacity)
     if history.count:
-        memcpy(stamps, history.stamps + history.head, first * sizeof(int64_t))
-        memcpy(stamps + first, history.stamps, (history.count - first) * sizeof(int64_t))
-        memcpy(samples, history.samples + history.head, first * sizeof(Sample))
-        memcpy(samples + first, history.samples, (history.count - first) * sizeof(Sample))
+        history_copy_stamps(history, 0, history.count, stamps)
+        history_copy_samples(history, 0, history.count, samples)
     _release(history.memory)
     history.memory = memory
     history.stamps = stamps
@@ -158,6 +155,20 @@ cdef int history_map(History* history, FileMapping* mapping, const int64_t* stam
     history.samples = <Sample*>samples
     history.capacity = history.count = count
     return 0
+
+
+cdef int history_import(History* history, const int64_t* stamps, const Sample* samples,
+                        uint32_t count) noexcept nogil:
+    # The same capacity as after inserting them one by one, so that a copy does not reach max_bytes earlier.
+    cdef uint32_t capacity = FIRST_CAPACITY if history.kind == HISTORY_DYNAMIC else 1
+    while capacity < count:
+        capacity += capacity // 2
+    # As if they were in a ring that is full.
+    history.stamps = <int64_t*>stamps
+    history.samples = <Sample*>samples
+    history.capacity = history.count = count
+    capacity = min(capacity, <uint32_t>LAST_CAPACITY)
+    return 0 if _move(history, capacity, UINT64_MAX) == HISTORY_INSERTED else -1
 
 
 cdef inline void _drop_memory(History* history) noexcept nogil:
@@ -661,14 +672,15 @@ cdef void history_export(const History* history, int64_t* stamps, double* transf
 
 cdef void history_copy_stamps(const History* history, uint32_t first, uint32_t count,
                               int64_t* stamps) noexcept nogil:
-    cdef uint32_t i
-    for i in range(count):
-        stamps[i] = history_stamp_of(history, first + i)
+    cdef uint32_t slot = _history_slot(history, first)
+    cdef uint32_t to_the_end = min(count, history.capacity - slot)
+    memcpy(stamps, history.stamps + slot, to_the_end * sizeof(int64_t))
+    memcpy(stamps + to_the_end, history.stamps, (count - to_the_end) * sizeof(int64_t))
 
 
-cdef void history_copy_samples(const History* history, uint32_t first, uint32_t count, const FrameId* ids,
+cdef void history_copy_samples(const History* history, uint32_t first, uint32_t count,
                                Sample* samples) noexcept nogil:
-    cdef uint32_t i
-    for i in range(count):
-        samples[i] = history.samples[_history_slot(history, first + i)]
-        samples[i].parent = ids[samples[i].parent]
+    cdef uint32_t slot = _history_slot(history, first)
+    cdef uint32_t to_the_end = min(count, history.capacity - slot)
+    memcpy(samples, history.samples + slot, to_the_end * sizeof(Sample))
+    memcpy(samples + to_the_end, history.samples, (count - to_the_end) * sizeof(Sample))

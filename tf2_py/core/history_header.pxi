@@ -130,11 +130,13 @@ cdef void history_pin(const History* history, History* copy) noexcept nogil
 cdef void history_unpin(History* copy) noexcept nogil
 # Lets go of a mapping, which ends with its last owner.
 cdef void mapping_release(FileMapping* mapping) noexcept nogil
-# Makes a zeroed History of samples in a mapping, which it then owns as well. `stamps` and `samples`: `count`
-# of each, oldest first. The rest of what others read is the caller's. 0, or -1 without memory. Whether all of
-# this is consistent is for history_check to say.
+# Makes a History, which is zeroed except for its kind, of `count` samples, oldest first: of those in a
+# mapping, which it then owns as well, or of a copy. The rest of what others read is the caller's. 0, or -1
+# without memory; the History is then useless. Whether all of this is consistent is for history_check to say.
 cdef int history_map(History* history, FileMapping* mapping, const int64_t* stamps, const Sample* samples,
                      uint32_t count) noexcept nogil
+cdef int history_import(History* history, const int64_t* stamps, const Sample* samples,
+                        uint32_t count) noexcept nogil
 
 
 # What the history answers for a time.
@@ -285,9 +287,8 @@ cdef enum:
 # `count` elements each, oldest first. The history may be a pinned copy.
 cdef void history_export(const History* history, int64_t* stamps, double* transforms,
                          uint32_t* parents) noexcept nogil
-# The same for `count` samples from the index `first` on, as they lie in a frozen file: their stamps; and
-# whole samples, with the ids that `ids` has for their parents.
+# The same for `count` samples, at least one, from the index `first` on, as they lie in a history.
 cdef void history_copy_stamps(const History* history, uint32_t first, uint32_t count,
                               int64_t* stamps) noexcept nogil
-cdef void history_copy_samples(const History* history, uint32_t first, uint32_t count, const FrameId* ids,
+cdef void history_copy_samples(const History* history, uint32_t first, uint32_t count,
                                Sample* samples) noexcept nogil

@@ -75,6 +75,9 @@ cdef inline void unlock_written(Lock* lock, const Tree* tree, const Waiters* wai
 
 cdef str NO_CLOCK = ("ages need a clock, which this buffer does not have: a BufferCore and the buffer of a "
                      "recording have none")
+cdef Limits NO_LIMITS
+NO_LIMITS.frames = UINT32_MAX
+NO_LIMITS.bytes = SIZE_MAX
 cdef Retention DEFAULT_RETENTION
 DEFAULT_RETENTION.cache_time_ns = 10 * <int64_t>NS_PER_S    # as tf2's
 
@@ -370,34 +373,36 @@ cdef class Engine:
             raise MemoryError
         return self._replace_tree(&empty)
 
-    cdef dict export(self):
-        catch_up(self)
-        return state_of(&self._tree, &self._lock, self._names, self._authorities)
-
-    cdef int restore(self, dict state) except -1:
-        cdef Tree restored
-        catch_up(self)
-        read_state(state, &restored)
-        return self._replace_tree(&restored)
-
-    cdef int write_frozen(self, file) except -1:
-        catch_up(self)
-        return write_frozen(&self._tree, &self._lock, file, self._names, self._authorities)
-
-    cdef int open_frozen(self, path, expected) except -1:
-        cdef Tree opened
-        catch_up(self)
-        frozen = read_frozen(path, expected, &opened)
-        return self._replace_tree(&opened, frozen)
-
-    cdef dict frozen_state(self):
+    cdef dict state(self):
         cdef bint equals_file
         catch_up(self)
         lock_acquire(&self._lock)
         equals_file = self._tree.equals_file
         lock_release(&self._lock)
         frozen = self._frozen
-        return frozen.as_state() if equals_file and frozen is not None and frozen.is_there() else None
+        if equals_file and frozen is not None and frozen.is_there():
+            return frozen.as_state()
+        # As an array, because pickles of protocol 5 need not copy one.
+        import numpy as np
+        image = write_frozen(&self._tree, &self._lock, None, self._names, self._authorities)
+        return {"image": np.frombuffer(image, np.uint8)}
+
+    cdef int restore(self, image) except -1:
+        cdef Tree restored
+        catch_up(self)
+        read_image(image, &restored)
+        return self._replace_tree(&restored)
+
+    cdef int write_frozen(self, file) except -1:
+        catch_up(self)
+        write_frozen(&self._tree, &self._lock, file, self._names, self._authorities)
+        return 0
+
+    cdef int open_frozen(self, path, expected) except -1:
+        cdef Tree opened
+        catch_up(self)
+        frozen = read_frozen(path, expected, &opened)
+        return self._replace_tree(&opened, frozen)
 
     cdef int _replace_tree(self, const Tree* tree, frozen=None) except -1:
         cdef Tree old
@@ -750,6 +755,10 @@ cdef class Engine:
     cdef list frame_facts(self, bint roots=False):
         catch_up(self)
         return snapshot_frames(&self._tree, &self._lock, roots, self._names, self._authorities)
+
+    cdef dict frame_histories(self):
+        catch_up(self)
+        return histories_of(&self._tree, &self._lock, self._names)
 
     cdef list frame_names(self, frames):
         cdef list names = self._names

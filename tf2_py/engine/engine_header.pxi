@@ -59,15 +59,15 @@ cdef class Engine:
     cdef bint remove(self, const char* name, size_t size) except -1
     # Resets the engine as if it were new; pending waits go on.
     cdef int start_over(self, const Retention* retention, const Limits* limits) except -1
-    # What the buffer holds at one moment, as state_of, and replacing it by such a state; pending waits go on.
-    # If that raises, nothing has changed.
-    cdef dict export(self)
-    cdef int restore(self, dict state) except -1
-    # The same for a frozen file: writes the content, as write_frozen; and replaces it by that of a file, as
-    # read_frozen. The state that names the file; None: the content is another now, or the file is.
+    # The state for pickles and copies. It names the frozen file from which the buffer was opened; or, if the
+    # content or the file has changed since, it contains an image, as write_frozen.
+    cdef dict state(self)
+    # Writes a frozen file, as write_frozen.
     cdef int write_frozen(self, file) except -1
+    # Replace the content, as read_image and read_frozen; pending waits go on. If they raise, nothing has
+    # changed.
+    cdef int restore(self, image) except -1
     cdef int open_frozen(self, path, expected) except -1
-    cdef dict frozen_state(self)
 
     # Looking up. With `out` NULL, only whether there is an answer.
     cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
@@ -116,8 +116,9 @@ cdef class Engine:
     # Why a lookup fails now; None: it does not.
     cdef object reason(self, const Query* query)
 
-    # Listing, as snapshot_frames and learn_names.
+    # Listing, as snapshot_frames, histories_of and learn_names.
     cdef list frame_facts(self, bint roots=*)
+    cdef dict frame_histories(self)
     cdef list frame_names(self, frames)
     # Whether the name was ever a parent or child; the reserved one does not count.
     cdef bint has_frame(self, const char* name, size_t size) noexcept nogil

@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Write a tree to a frozen file, and make a tree of one that is mapped."""
+"""Write a tree to a frozen file or to an image, which has the same bytes, and make a tree of either."""
 
-# Only the engine calls write_frozen and read_frozen. `names` and `authorities`: those of the tree that are
-# known so far.
+# Only the engine calls write_frozen, read_frozen and read_image. `names` and `authorities`: those of the tree
+# that are known so far.
 
 cdef enum:
-    CHUNK_SAMPLES = 16384       # written at once: 1 MiB
+    WRITTEN_LINES = 16384       # at once: 1 MiB
+    STAMPS_PER_LINE = 8
 
 
 # Writing.
@@ -97,32 +98,6 @@ cdef bytearray _index_of(const Tree* view, const NumberedFrames* frames, list na
     return index
 
 
-cdef object _write_chunk(const char* chunk, size_t size, file, checksum):
-    data = PyMemoryView_FromMemory(<char*>chunk, size, PyBUF_READ)
-    file.write(data)
-    return zlib.crc32(data, checksum)
-
-
-cdef object _write_samples(const History* history, const FrameId* ids, char* chunk, file, checksum):
-    # `chunk` has room for CHUNK_SAMPLES samples. `checksum`: of the samples before; returns it with these.
-    cdef uint32_t first, count
-    cdef size_t size
-    for first in range(0, history.count, CHUNK_SAMPLES):
-        count = min(history.count - first, <uint32_t>CHUNK_SAMPLES)
-        size = frozen_stamp_bytes(count)
-        with nogil:
-            memset(chunk, 0, size)
-            history_copy_stamps(history, first, count, <int64_t*>chunk)
-        checksum = _write_chunk(chunk, size, file, checksum)
-    for first in range(0, history.count, CHUNK_SAMPLES):
-        count = min(history.count - first, <uint32_t>CHUNK_SAMPLES)
-        size = count * sizeof(Sample)
-        with nogil:
-            history_copy_samples(history, first, count, ids, <Sample*>chunk)
-        checksum = _write_chunk(chunk, size, file, checksum)
-    return checksum
-
-
 cdef object _index_checksum(const FrozenHeader* header):
     # Of a whole index, with 0 in place of the checksum itself.
     index = PyMemoryView_FromMemory(<char*>header, header.index_bytes, PyBUF_READ)
@@ -131,29 +106,93 @@ cdef object _index_checksum(const FrozenHeader* header):
     return zlib.crc32(index[start + sizeof(header.checksum):], before)
 
 
-cdef int _write(const Tree* view, const NumberedFrames* frames, char* chunk, file, list names,
-                list authorities) except -1:
-    cdef bytearray index = _index_of(view, frames, names, authorities)
+cdef struct Place:
+    # Among the lines behind the index.
+    FrameId frame               # by its id in the tree
+    size_t line                 # of those of the frame
+
+
+cdef size_t _copy_lines(const Tree* view, const FrameId* ids, Place* next, char* lines,
+                        size_t count) noexcept nogil:
+    # Copies up to `count` lines from there on, and returns how many there were.
+    cdef const History* history
+    cdef char* start
+    cdef size_t stamp_lines, size, first, i
+    cdef size_t done = 0
+    while next.frame < view.names.count and done < count:
+        start = lines + done * LINE_BYTES
+        history = &view.histories[next.frame]
+        stamp_lines = frozen_stamp_bytes(history.count) // LINE_BYTES
+        if next.line < stamp_lines:
+            size = min(stamp_lines - next.line, count - done)
+            first = next.line * STAMPS_PER_LINE
+            memset(start + (size - 1) * LINE_BYTES, 0, LINE_BYTES)
+            history_copy_stamps(history, first, min(history.count - first, size * STAMPS_PER_LINE),
+                                <int64_t*>start)
+        elif next.line < stamp_lines + history.count:
+            first = next.line - stamp_lines
+            size = min(history.count - first, count - done)
+            history_copy_samples(history, first, size, <Sample*>start)
+            for i in range(size):
+                (<Sample*>start)[i].parent = ids[(<Sample*>start)[i].parent]
+        else:
+            next.frame += 1
+            next.line = 0
+            continue
+        next.line += size
+        done += size
+    return done
+
+
+cdef int _write_file(const Tree* view, const FrameId* ids, bytearray index, file) except -1:
     cdef FrozenHeader* header = <FrozenHeader*>PyByteArray_AS_STRING(index)
-    cdef FrameId id
-    # The checksum of the samples is only known when they are written.
-    file.write(index)
-    checksum = 0
-    for id in range(1, view.names.count):
-        if view.histories[id].count:
-            checksum = _write_samples(&view.histories[id], frames.ids, chunk, file, checksum)
-    header.samples_checksum = checksum
-    header.checksum = _index_checksum(header)
-    file.seek(0)
-    file.write(index)
+    cdef size_t count
+    cdef Place next
+    cdef char* lines = <char*>malloc(WRITTEN_LINES * LINE_BYTES)
+    next.frame = next.line = 0
+    if lines == NULL:
+        raise MemoryError
+    try:
+        # The checksum of the samples is only known when they are written.
+        file.write(index)
+        checksum = 0
+        while True:
+            with nogil:
+                count = _copy_lines(view, ids, &next, lines, WRITTEN_LINES)
+            if count == 0:
+                break
+            data = PyMemoryView_FromMemory(lines, count * LINE_BYTES, PyBUF_READ)
+            file.write(data)
+            checksum = zlib.crc32(data, checksum)
+        header.samples_checksum = checksum
+        header.checksum = _index_checksum(header)
+        file.seek(0)
+        file.write(index)
+    finally:
+        free(lines)
     return 0
 
 
-cdef int write_frozen(const Tree* tree, Lock* lock, file, list names, list authorities) except -1:
-    # Writes the content of a tree at one moment to a binary file that is at its beginning and can seek.
+cdef bytes _image(const Tree* view, const FrameId* ids, bytearray index):
+    cdef FrozenHeader* header = <FrozenHeader*>PyByteArray_AS_STRING(index)
+    cdef bytes image = PyBytes_FromStringAndSize(NULL, header.file_bytes)
+    cdef char* start = PyBytes_AS_STRING(image)
+    cdef Place next
+    next.frame = next.line = 0
+    header.checksum = _index_checksum(header)
+    with nogil:
+        memcpy(start, header, header.index_bytes)
+        _copy_lines(view, ids, &next, start + header.index_bytes,
+                    (header.file_bytes - header.index_bytes) // LINE_BYTES)
+    return image
+
+
+cdef bytes write_frozen(const Tree* tree, Lock* lock, file, list names, list authorities):
+    # Writes the content of a tree at one moment to a binary file that is at its beginning and can seek. None:
+    # returns it as an image.
     cdef Tree view
     cdef NumberedFrames frames
-    cdef char* chunk = NULL
+    cdef bytearray index
     memset(&frames, 0, sizeof(NumberedFrames))
     pin_tree(tree, lock, &view)
     try:
@@ -161,64 +200,30 @@ cdef int write_frozen(const Tree* tree, Lock* lock, file, list names, list autho
         learn_names(&tree.authorities, lock, authorities)
         frames.ids = <FrameId*>calloc(view.names.count, sizeof(FrameId))
         frames.is_parent = <unsigned char*>calloc(view.names.count, 1)
-        chunk = <char*>malloc(CHUNK_SAMPLES * sizeof(Sample))
-        if frames.ids == NULL or frames.is_parent == NULL or chunk == NULL:
+        if frames.ids == NULL or frames.is_parent == NULL:
             raise MemoryError
         with nogil:
             _number_frames(&view, &frames)
-        _write(&view, &frames, chunk, file, names, authorities)
+        index = _index_of(&view, &frames, names, authorities)
+        if file is None:
+            return _image(&view, frames.ids, index)
+        _write_file(&view, frames.ids, index, file)
     finally:
         free(frames.ids)
         free(frames.is_parent)
-        free(chunk)
         with nogil:
             unpin_tree(&view)
-    return 0
 
 
-# Mapping.
-
-cdef int _read_header(int descriptor, size_t file_bytes, FrozenHeader* header, str path) except -1:
-    # So that nothing is mapped, and no memory allocated, for a file that is something else.
-    cdef const char* text
-    cdef size_t size = min(file_bytes, sizeof(FrozenHeader))
-    cdef bytes data = os.pread(descriptor, size, 0)
-    if <size_t>len(data) < size:
-        raise ValueError(f"{printable(path)}: its size changed while it was being read: try again")
-    memset(header, 0, sizeof(FrozenHeader))
-    memcpy(header, PyBytes_AS_STRING(data), size)
-    text = frozen_check_format(header, file_bytes)
-    if text != NULL:
-        raise ValueError(f"{printable(path)}: {text.decode()}")
-    text = frozen_check_header(header, file_bytes)
-    if text != NULL:
-        raise _damaged(path, text.decode())
-    return 0
-
+# Reading. `path`: of a file; None: it is an image.
 
 cdef object _damaged(str path, str problem):
+    if path is None:
+        return ValueError(f"the state of the buffer is damaged: {problem}; pickle the buffer again")
     return ValueError(f"{printable(path)}: it is damaged: {problem}; freeze the buffer again")
 
 
-cdef FileMapping* _map(int descriptor, size_t size, str path) except NULL:
-    cdef FileMapping* mapping = <FileMapping*>calloc(1, sizeof(FileMapping))
-    cdef int problem
-    if mapping == NULL:
-        raise MemoryError
-    mapping.size = size
-    mapping.owners = 1
-    mapping.start = mmap(NULL, size, PROT_READ, MAP_SHARED, descriptor, 0)
-    if mapping.start == MAP_FAILED:
-        problem = errno
-        free(mapping)
-        if problem == ENOMEM:
-            raise MemoryError
-        raise OSError(problem, os.strerror(problem), path)
-    return mapping
-
-
-cdef int _require_sound(str path, const FileMapping* mapping, FrozenProblem problem) except -1:
-    cdef const FrozenHeader* header = <const FrozenHeader*>mapping.start
+cdef int _require_sound(str path, const FrozenHeader* header, FrozenProblem problem) except -1:
     cdef const FrozenFrame* record
     if problem.text == NULL:
         return 0
@@ -238,13 +243,82 @@ cdef int _require_sound(str path, const FileMapping* mapping, FrozenProblem prob
     raise _damaged(path, where + problem.text.decode())
 
 
+cdef int _require_index(str path, const FrozenHeader* header, size_t file_bytes) except -1:
+    cdef FrozenProblem problem
+    with nogil:
+        problem = frozen_check_index(header, file_bytes)
+    _require_sound(path, header, problem)
+    if header.checksum != _index_checksum(header):
+        raise _damaged(path, "the checksum of its index is wrong")
+    return 0
+
+
+cdef int _read_tree(str path, const FrozenHeader* header, FileMapping* mapping, bint checks_samples,
+                    Tree* tree) except -1:
+    # As frozen_read. If it raises, there is no tree.
+    cdef FrozenProblem problem
+    with nogil:
+        problem = frozen_read(header, mapping, checks_samples, tree)
+        if problem.text != NULL:
+            tree_free(tree)
+    return _require_sound(path, header, problem)
+
+
+cdef int read_image(image, Tree* tree) except -1:
+    # Makes a tree from bytes. ValueError: they are not an image, or it is damaged. If it raises, there is no
+    # tree.
+    cdef bytes data = unchanging_bytes(image)
+    cdef size_t size = PyBytes_GET_SIZE(data)
+    cdef const FrozenHeader* header = <const FrozenHeader*>PyBytes_AS_STRING(data)
+    if size < sizeof(FrozenHeader) or frozen_check_format(header, size) != NULL:
+        raise ValueError("this is not the state of a buffer, or another version of tf2-ros-cython wrote it: "
+                         "pickle the buffer again with this one")
+    _require_index(None, header, size)
+    return _read_tree(None, header, NULL, True, tree)
+
+
+cdef int _require_header(int descriptor, size_t file_bytes, str path) except -1:
+    # So that nothing is mapped, and no memory allocated, for a file that is something else.
+    cdef FrozenHeader header
+    cdef const char* text
+    cdef size_t size = min(file_bytes, sizeof(FrozenHeader))
+    cdef bytes data = os.pread(descriptor, size, 0)
+    if <size_t>len(data) < size:
+        raise ValueError(f"{printable(path)}: its size changed while it was being read: try again")
+    memset(&header, 0, sizeof(FrozenHeader))
+    memcpy(&header, PyBytes_AS_STRING(data), size)
+    text = frozen_check_format(&header, file_bytes)
+    if text != NULL:
+        raise ValueError(f"{printable(path)}: {text.decode()}")
+    text = frozen_check_header(&header, file_bytes)
+    if text != NULL:
+        raise _damaged(path, text.decode())
+    return 0
+
+
+cdef FileMapping* _map(int descriptor, size_t size, str path) except NULL:
+    cdef FileMapping* mapping = <FileMapping*>calloc(1, sizeof(FileMapping))
+    cdef int problem
+    if mapping == NULL:
+        raise MemoryError
+    mapping.size = size
+    mapping.owners = 1
+    mapping.start = mmap(NULL, size, PROT_READ, MAP_SHARED, descriptor, 0)
+    if mapping.start == MAP_FAILED:
+        problem = errno
+        free(mapping)
+        if problem == ENOMEM:
+            raise MemoryError
+        raise OSError(problem, os.strerror(problem), path)
+    return mapping
+
+
 cdef object read_frozen(path, expected, Tree* tree):
     # Makes a tree from a file, and returns the frozen_file.FrozenFile. `expected`: that from which a pickled
     # buffer was opened, whose samples are not checked again; or None. ValueError: it is not a frozen file, is
     # damaged, or another one is expected; OSError: it cannot be opened. If it raises, there is no tree.
     cdef FileMapping* mapping
-    cdef FrozenHeader header
-    cdef FrozenProblem problem
+    cdef const FrozenHeader* header
     cdef bint checks_samples
     cdef str name = os.path.abspath(os.fsdecode(path))
     cdef int descriptor = os.open(name if path else path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
@@ -252,30 +326,22 @@ cdef object read_frozen(path, expected, Tree* tree):
         facts = os.fstat(descriptor)
         if not S_ISREG(facts.st_mode):
             raise ValueError(f"{printable(name)}: it is not a frozen buffer written by Buffer.freeze")
-        _read_header(descriptor, facts.st_size, &header, name)
+        _require_header(descriptor, facts.st_size, name)
         mapping = _map(descriptor, facts.st_size, name)
     finally:
         os.close(descriptor)
     checks_samples = (expected is None or facts.st_size != expected.size
                       or facts.st_mtime_ns != expected.modified_ns)
+    header = <const FrozenHeader*>mapping.start
     try:
-        with nogil:
-            problem = frozen_check_index(mapping)
-        _require_sound(name, mapping, problem)
-        checksum = (<const FrozenHeader*>mapping.start).checksum
-        if checksum != _index_checksum(<const FrozenHeader*>mapping.start):
-            raise _damaged(name, "the checksum of its index is wrong")
+        _require_index(name, header, mapping.size)
         found = frozen_file.FrozenFile(
-            name, checksum, facts.st_size, facts.st_mtime_ns, facts.st_dev, facts.st_ino
+            name, header.checksum, facts.st_size, facts.st_mtime_ns, facts.st_dev, facts.st_ino
         )
         if expected is not None and found.checksum != expected.checksum:
             text = "it has changed since the buffer was pickled or copied"
             raise ValueError(f"{printable(name)}: {text}")
-        with nogil:
-            problem = frozen_read(mapping, checks_samples, tree)
-            if problem.text != NULL:
-                tree_free(tree)
-        _require_sound(name, mapping, problem)
+        _read_tree(name, header, mapping, checks_samples, tree)
         return found
     finally:
         mapping_release(mapping)

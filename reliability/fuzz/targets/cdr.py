@@ -49,7 +49,7 @@ def run(data: bytes) -> None:
     other = BufferCore()
     other.set_transforms(theirs.transforms, "/tf", static)
     if not holds_the_same(core, other):
-        raise Fault(f"a buffer holds {core.__getstate__()}, of ROS's messages {other.__getstate__()}")
+        raise Fault(f"a buffer holds {core.histories()}, of ROS's messages {other.histories()}")
     other.set_transforms(theirs.transforms, "/tf", static, replace=True)
     other._self_check()
     refused = sum(core.statistics()["refused"].values())

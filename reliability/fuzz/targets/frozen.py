@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fuzz frozen files: a ValueError, or a buffer that is sound."""
+"""Fuzz frozen files, and the same bytes in pickles: a ValueError, or a buffer that is sound."""
 
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from geometry_msgs.msg import TransformStamped
 
-from reliability.fuzz.buffer_checks import answers
+from reliability.fuzz.buffer_checks import Fault, answers, holds_the_same
 from reliability.fuzz.targets import ROOT, cdr
 from tf2_py import BufferCore
 
@@ -23,21 +23,49 @@ _path = Path(_folder.name, "frozen.tf2")
 
 
 def run(data: bytes) -> None:
-    """Open a file as it is, and with the right size and checksum, which a fuzzer cannot find."""
-    _open(data)
+    """Read bytes as they are, and with the right size and checksum, which a fuzzer cannot find."""
+    _read(data)
     if len(data) >= HEADER.size:
         file = FrozenFile(data)
         file.change_header(file_bytes=len(data))
         file.renew_checksum()
-        _open(bytes(file.data))
+        _read(bytes(file.data))
 
 
-def _open(data: bytes) -> None:
+def _read(data: bytes) -> None:
+    opened, unpickled = _result(_opened, data), _result(_unpickled, data)
+    if opened is None or unpickled is None:
+        if opened is not unpickled:
+            raise Fault(f"of the same bytes, the file gives {opened}, the pickle {unpickled}")
+        return
+    if not holds_the_same(opened, unpickled):
+        raise Fault("a file and a pickle of the same bytes hold different samples")
+    _change(opened)
+    _change(unpickled)
+
+
+def _result(read: Callable[[bytes], BufferCore], data: bytes) -> BufferCore | None:
+    try:
+        return read(data)
+    except ValueError:
+        return None
+
+
+def _opened(data: bytes) -> BufferCore:
     _path.write_bytes(data)
     try:
-        buffer = BufferCore.open(_path)
-    except (ValueError, MemoryError):
-        return
+        return BufferCore.open(_path)
+    finally:
+        _path.unlink()  # otherwise its state is only the path
+
+
+def _unpickled(data: bytes) -> BufferCore:
+    buffer = BufferCore()
+    buffer.__setstate__({"image": data})
+    return buffer
+
+
+def _change(buffer: BufferCore) -> None:
     buffer._self_check()
     answers(buffer)
     buffer.set_transforms_cdr(cdr.TWO_TRANSFORMS, "after")

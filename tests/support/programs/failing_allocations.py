@@ -154,7 +154,7 @@ def travel(dice):
 def restore(dice):
     other = BufferCore()
     other.set_transforms([random_link(dice) for _ in range(5)], "before")
-    state = other.__getstate__() | {"max_frames": 1000, "attributes": {}}
+    state = other.__getstate__()
     return lambda buffer, waits: buffer.__setstate__(state)
 
 

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from release import proof_pages
+from release import cyclonedds, proof_pages
 from release.interpreters import VERSIONS, interpreters
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -119,11 +119,9 @@ def _releases():
         # All tests of nodes, which CI runs by turns.
         command = ("make", "releases", f'OPTIONS=--only "{name}" tests/ros')
         yield Step(f"tests of nodes, {name}", command, reads, lacks)
-    # The variable names a Python that also has the project and what its tests require.
-    command = 'RMW_IMPLEMENTATION=rmw_cyclonedds_cpp "$TF2_PROVE_CYCLONEDDS" -m pytest -q tests/ros'
-    has_it = "TF2_PROVE_CYCLONEDDS" in os.environ
-    lacks = "" if has_it else "no Python with rmw_cyclonedds_cpp in TF2_PROVE_CYCLONEDDS"
-    yield Step("tests of nodes, Cyclone DDS", ("sh", "-c", command), reads, lacks)
+    lacks = "" if (ROOT / cyclonedds.PYTHON).exists() else "python -m release.cyclonedds did not run"
+    command = ("make", "test-core", "TESTS=tests/ros", f"PY={cyclonedds.PYTHON}")
+    yield Step("tests of nodes, Cyclone DDS", command, reads, lacks)
 
 
 def hash_of(step, tracked):

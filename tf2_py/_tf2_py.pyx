@@ -185,8 +185,7 @@ cdef class BufferCore(Engine):
         self.insert(&batch)
         return self.report(&batch, None) if batch.needs_report else 0
 
-    cdef size_t _set_many(self, list messages, object authority, bint is_static, bint replace,
-                          bint logs_refused=True) except? 0:
+    cdef size_t _set_many(self, list messages, object authority, bint is_static, bint replace) except? 0:
         # Returns how many were accepted.
         cdef list keep = []
         cdef Batch batch
@@ -201,19 +200,46 @@ cdef class BufferCore(Engine):
                 read_transform_stamped(messages[i], &batch.entries[i].incoming, keep)
             batch.authority = authority_utf8(authority, &size)
             batch.authority_size = size
-            if replace and batch.count:
-                catch_up(self)      # what has arrived is part of the past, too
-                with nogil:
-                    self.replace(&batch)
-            else:
-                self.insert(&batch)
-            if not logs_refused:
-                batch.refused = 0
-            if batch.needs_report:
-                self.report(&batch, None)
-            return batch.taken
+            return self._set_batch(&batch, replace, True)
         finally:
             batch_free(&batch)
+
+    @cython.final
+    cdef size_t _set_serialized(self, data, authority, bint is_static, bint replace,
+                                bint logs_refused) except? 0:
+        # The same for one serialized TFMessage.
+        cdef Batch batch
+        cdef Py_ssize_t size
+        cdef bytes message
+        memset(&batch, 0, sizeof(Batch))
+        batch.is_static = is_static
+        batch.authority = authority_utf8(authority, &size)
+        batch.authority_size = size
+        message = unchanging_bytes(data)
+        size = PyBytes_GET_SIZE(message)
+        try:
+            if batch_read_cdr(&batch, <const unsigned char*>PyBytes_AS_STRING(message), size):
+                return self._set_batch(&batch, replace, logs_refused)
+            if batch.problem == NULL:
+                raise MemoryError
+            self.count_malformed()
+            raise self.malformed(&batch, size)
+        finally:
+            batch_free(&batch)
+
+    @cython.final
+    cdef size_t _set_batch(self, Batch* batch, bint replace, bint logs_refused) except? 0:
+        if replace and batch.count:
+            catch_up(self)      # what has arrived is part of the past, too
+            with nogil:
+                self.replace(batch)
+        else:
+            self.insert(batch)
+        if not logs_refused:
+            batch.refused = 0
+        if batch.needs_report:
+            self.report(batch, None)
+        return batch.taken
 
     def set_transform(
         self, transform: TransformStamped, authority: str = None, *, replace: bool = False
@@ -280,9 +306,9 @@ cdef class BufferCore(Engine):
         """
         return self._set_many(list(transforms), authority, static, replace)
 
-    def _tf2_try_to_replace(self, transforms: Iterable[TransformStamped], authority: str) -> int:
-        """As :meth:`set_transforms` with ``replace``, but refusals are not logged: another try follows."""
-        return self._set_many(list(transforms), authority, False, True, False)
+    def _tf2_replace(self, data: bytes, authority: str, logs_refused: bool) -> int:
+        """As :meth:`set_transforms` with ``replace``, for the transforms of one serialized TFMessage."""
+        return self._set_serialized(data, authority, False, True, logs_refused)
 
     def set_transforms_cdr(
         self, data: bytes | bytearray | memoryview, authority: str = None, static: bool = False
@@ -298,26 +324,7 @@ cdef class BufferCore(Engine):
         :raises BufferError: the bytes of ``data`` are not contiguous.
         :raises ValueError: ``data`` is malformed; nothing is added.
         """
-        cdef Batch batch
-        cdef Py_ssize_t size
-        cdef bytes message
-        memset(&batch, 0, sizeof(Batch))
-        batch.is_static = static
-        batch.authority = authority_utf8(authority, &size)
-        batch.authority_size = size
-        message = unchanging_bytes(data)
-        size = PyBytes_GET_SIZE(message)
-        try:
-            if batch_read_cdr(&batch, <const unsigned char*>PyBytes_AS_STRING(message), size):
-                self.insert(&batch)
-            elif batch.problem != NULL:
-                self.count_malformed()
-                raise self.malformed(&batch, size)
-            if batch.needs_report or batch.no_memory:
-                self.report(&batch, None)
-            return batch.taken
-        finally:
-            batch_free(&batch)
+        return self._set_serialized(data, authority, static, False, True)
 
     def clear(self) -> None:
         """Remove every dynamic transform; names, authorities and static transforms remain."""

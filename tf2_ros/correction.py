@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from tf2_py import BufferCore, FrameInfo, LookupException, TransformException, stored_name
-from tf2_py._internal import as_times_ns, seconds, stamp_parts
+from tf2_py._internal import as_times_ns, seconds
 from tf2_py.typing import TimesLike
 from tf2_ros._arguments import kind_of
-from tf2_ros._messages import TransformStamped
 from tf2_ros.numpy import Array, Message, Pair, to_arrays, to_matrix
+from tf2_ros.serialization import serialize_arrays
 
 __all__ = ["correct"]
 
@@ -124,15 +124,13 @@ def correct(
     is_wanted = _first_of_equal(times_ns, matrices, skips=on_missing == "skip")
     for tried in range(TRIES):
         margin_ns = (1 << tried >> 1) * (buffer.cache_time_ns // FRACTION)
-        used, samples = _samples(
+        used, stamps_ns, corrections = _samples(
             edge, times_ns, matrices, is_wanted, before, after, on_missing == "skip", margin_ns
         )
+        frames = [(edge.parent, edge.child)] * len(stamps_ns)
+        data = serialize_arrays(frames, stamps_ns, np.hstack(to_arrays(corrections)))
         # Other threads may insert meanwhile, so that some samples are too old. The last try logs them.
-        if tried + 1 < TRIES:
-            taken = BufferCore._tf2_try_to_replace(buffer, samples, AUTHORITY)
-        else:
-            taken = BufferCore.set_transforms(buffer, samples, AUTHORITY, replace=True)
-        if taken == len(samples):
+        if BufferCore._tf2_replace(buffer, data, AUTHORITY, tried + 1 == TRIES) == len(frames):
             return used
     raise ValueError(
         f"the buffer refused the samples of {edge.child!r} in {edge.parent!r}; its log line has the reason"
@@ -199,14 +197,14 @@ def _samples(
     after: str,
     skips: bool,
     margin_ns: int,
-) -> tuple[int, list[TransformStamped]]:
-    """How many keyframes are used, and what is to be inserted."""
+) -> tuple[int, list[int], Array]:
+    """How many keyframes are used, and the stamps and matrices that are to be inserted."""
     buffer, _, child, moving = edge
     on_missing: Literal["nan", "raise"] = "nan" if skips else "raise"
     inverses = BufferCore.lookup_matrices(buffer, moving, child, times_ns, on_missing=on_missing)
     is_used = ~np.isnan(inverses[:, 0, 0]) & is_wanted
     if not is_used.any():
-        return 0, []
+        return 0, [], inverses[:0]
     info = _checked_child(edge, times_ns, np.flatnonzero(is_used))
     oldest_ns, newest_ns = _range_of_data(edge, info, times_ns[is_used], after)
     kept_from_ns = newest_ns - buffer.cache_time_ns
@@ -221,7 +219,7 @@ def _samples(
     index = np.flatnonzero(is_used)
     index = index[np.argsort(times_ns[index])]
     if len(index) == 0:
-        return 0, []
+        return 0, [], inverses[:0]
     stamps_ns = times_ns[index].tolist()
     corrections = [*(matrices[index] @ inverses[index])]
     if before == "hold" and max(oldest_ns, begin_ns) < stamps_ns[0]:
@@ -230,7 +228,7 @@ def _samples(
     if after == "hold" and newest_ns > stamps_ns[-1]:
         stamps_ns.append(newest_ns)
         corrections.append(corrections[-1])
-    return len(index), _messages(edge, stamps_ns, np.array(corrections))
+    return len(index), stamps_ns, np.array(corrections)
 
 
 def _checked_child(edge: _Edge, times_ns: npt.NDArray[np.int64], index: npt.NDArray[np.intp]) -> FrameInfo:
@@ -279,16 +277,3 @@ def _range_of_data(
             first_ns = min(first_ns, begin_ns)
             last_ns = max(last_ns, end_ns) if after == "hold" else last_ns
     return first_ns, last_ns
-
-
-def _messages(edge: _Edge, stamps_ns: list[int], matrices: Array) -> list[TransformStamped]:
-    messages = []
-    for stamp_ns, xyz, xyzw in zip(stamps_ns, *(part.tolist() for part in to_arrays(matrices)), strict=True):
-        message = TransformStamped(child_frame_id=edge.child)
-        message.header.frame_id = edge.parent
-        message.header.stamp.sec, message.header.stamp.nanosec = stamp_parts(stamp_ns, "times")
-        v, q = message.transform.translation, message.transform.rotation
-        v.x, v.y, v.z = xyz
-        q.x, q.y, q.z, q.w = xyzw
-        messages.append(message)
-    return messages

@@ -207,7 +207,7 @@ def test_the_next_collection_frees_a_node_that_has_ended(ros, kind, use):
 @pytest.mark.parametrize("end", ["destroy_node", "shutdown"])
 def test_an_ended_node_knows_no_publishers(ros, node, end):
     node.create_publisher(Clock, "/clock", 10)
-    assert clock_publishers(node) == ["/listening"]
+    until(lambda: clock_publishers(node) == ["/listening"])
     getattr(node if end == "destroy_node" else ros, end)()
     assert clock_publishers(node) == []
 

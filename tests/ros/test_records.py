@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from rclpy.utilities import get_rmw_implementation_identifier
 from times_and_transforms import S, transform
 from waiting import errors_so_far, until, until_told
 
@@ -42,6 +43,10 @@ def take(recording, count):
     return np.concatenate(taken)
 
 
+@pytest.mark.skipif(
+    get_rmw_implementation_identifier() == "rmw_cyclonedds_cpp",
+    reason="Cyclone DDS identifies the publisher of a message differently from the graph",
+)
 def test_each_transform_has_its_publisher_times_and_names(heard, node, peer):
     recording = heard()
     one, other = peer("-r", "__node:=one"), peer("-r", "__node:=other", "-r", "__ns:=/arm")

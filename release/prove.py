@@ -120,7 +120,9 @@ def _releases():
         command = ("make", "releases", f'OPTIONS=--only "{name}" tests/ros')
         yield Step(f"tests of nodes, {name}", command, reads, lacks)
     lacks = "" if (ROOT / cyclonedds.PYTHON).exists() else "python -m release.cyclonedds did not run"
-    command = ("make", "test-core", "TESTS=tests/ros", f"PY={cyclonedds.PYTHON}")
+    # These take functions away from a middleware, and find those of Fast DDS, which rcl is linked with.
+    tests = 'tests/ros --ignore=tests/ros/test_faulty_middleware.py -k "not middleware_without_the_event"'
+    command = ("make", "test-core", f"TESTS={tests}", f"PY={cyclonedds.PYTHON}")
     yield Step("tests of nodes, Cyclone DDS", command, reads, lacks)
 
 

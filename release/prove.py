@@ -90,14 +90,14 @@ def steps():
     lacks = "" if shutil.which("valgrind") else "no valgrind"
     yield Step("guard", ("make", "guard"), (*CORE, "bench/*.py", "bench/*.json"), lacks)
     yield Step("docs", ("make", "docs"), (*CORE, "docs/*", "tools/docs/*", "tools/tf2_ros_tools/*", "*.md"))
-    yield Step("stress", ("make", "stress", "MINUTES=10"), (*CORE, "reliability/*"))
+    yield Step("stress", ("make", "stress", "MINUTES=5"), (*CORE, "reliability/*"))
     for kind in ("address", "thread"):
         command = ("make", "sanitize", f"OPTIONS={kind}")
         reads = (*CORE, "tests/*", "tools/*", "reliability/*")
         yield Step(f"sanitizers, {kind}", command, reads)
-    yield Step(
-        "fuzzing", ("make", "fuzz"), (*CORE, "reliability/*", "tools/tests/fuzz/*", "tools/tf2_ros_tools/*")
-    )
+    # Short, because it is repeated after each change of the code; the nightly workflow searches longer.
+    command = ("make", "fuzz", "OPTIONS=--seconds 120")
+    yield Step("fuzzing", command, (*CORE, "reliability/*", "tools/tests/fuzz/*", "tools/tf2_ros_tools/*"))
     yield Step("coverage", ("make", "coverage"), (*CORE, "tests/core/*", *TESTS_OF_NODES, "reliability/*"))
     found = interpreters([])
     for version in VERSIONS:

@@ -34,8 +34,6 @@ SWEEP = S // 10
 STAMP = START + 2 * SWEEP
 KINDS = {"f4": PointField.FLOAT32, "f8": PointField.FLOAT64, "u4": PointField.UINT32, "u2": PointField.UINT16}
 XYZ = [("x", "f4", 0), ("y", "f4", 4), ("z", "f4", 8)]
-NORMALS = [("normal_x", "f4", 16), ("normal_y", "f4", 20), ("normal_z", "f4", 24)]
-VIEWPOINTS = [("vp_x", "f4", 28), ("vp_y", "f4", 32), ("vp_z", "f4", 36)]
 SINCE_STAMP = np.linspace(0, SWEEP, 4000).astype(np.int64)
 # The fields as the drivers write them, and the time of each point, from the ns since the stamp.
 DRIVERS = {
@@ -200,14 +198,15 @@ def test_a_motion_that_looks_steady_at_some_times_keeps_the_bound(segments, degr
     assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype, 0.0)
 
 
+@pytest.mark.parametrize("arm", [0, 1000])
 @pytest.mark.parametrize("reached", ["odom", "lidar"])
-def test_the_bound_holds_in_a_target_that_turns_far_away(reached):
-    """A SLAM may publish the pose of odom in the robot, as a child; it turns at the end of a long arm."""
+def test_the_bound_holds_in_a_target_that_turns(reached, arm):
+    """A SLAM may publish the pose of odom in the robot, as a child; it turns at the end of an arm."""
     buffer = Buffer(float("inf"))
     for i in range(30):
         ns = STAMP + (i - 10) * SWEEP // 4
-        turned = about_z(0.1 * i)
-        buffer.set_transform(transform("lidar", "odom", ns=ns, xyz=(1000, i, 0), xyzw=turned), "x")
+        xyz, turned = (arm, arm * i / 1000, 0), about_z(0.1 * i)
+        buffer.set_transform(transform("lidar", "odom", ns=ns, xyz=xyz, xyzw=turned), "x")
     cloud, points, times = measured("velodyne", np.linspace(0, SWEEP, 100_000).astype(np.int64))
     how = {} if reached == "odom" else {"fixed_frame": "odom", "target_time": at_ns(STAMP)}
     moved = deskew(cloud, buffer, reached, *how.values())
@@ -215,50 +214,7 @@ def test_the_bound_holds_in_a_target_that_turns_far_away(reached):
     assert_moved(moved, wanted, xyz_of(points), points.dtype)
 
 
-def test_a_pose_that_jumps_is_not_reached_gradually():
-    """Two samples of one stamp: the pose jumps there, say because the map was corrected."""
-    buffer = Buffer(float("inf"))
-    for ns, x in ((0, 0.0), (SWEEP // 3, 0.0), (SWEEP // 3, 0.001), (SWEEP, 0.001)):
-        buffer.set_transform(transform("odom", "lidar", ns=STAMP + ns, xyz=(x, 0, 0)), "x")
-    cloud, points, times = measured("ouster", np.linspace(0, SWEEP, 50_000).astype(np.int64))
-    wanted = expected(buffer, xyz_of(points), times)
-    assert_moved(deskew(cloud, buffer, "odom"), wanted, xyz_of(points), points.dtype, 0.0)
-
-
-@pytest.mark.parametrize("driver", ["ouster", "seconds in double"])
-@pytest.mark.parametrize("outside", [-1, 1])
-def test_a_point_1_ns_outside_the_data_has_no_transform(driver, outside):
-    """All others are within the data."""
-    buffer, since_stamp = Buffer(float("inf")), np.linspace(0, SWEEP, 4000).astype(np.int64)
-    since_stamp[1235] = -1 if outside < 0 else SWEEP + 1
-    for ns in (0, SWEEP // 4, SWEEP):
-        buffer.set_transform(transform("odom", "lidar", ns=STAMP + ns, xyz=(ns / S, 0, 0)), "x")
-    cloud, points, _ = measured(driver, since_stamp)
-    with pytest.raises(ExtrapolationException, match=r"^points\[1235\]"):
-        deskew(cloud, buffer, "odom")
-    moved = deskew(cloud, buffer, "odom", on_missing="nan")
-    assert missing_in(moved, points.dtype) == [1235]
-
-
 # What points lack.
-
-
-def test_a_point_with_nan_has_no_directions(buffer):
-    fields = [*XYZ, ("time", "f4", 12), *NORMALS, *VIEWPOINTS]
-    points = np.ones(300, dtype_of(fields, 40))
-    points["time"] = np.linspace(0, 0.1, 300)
-    points["y"][3] = np.nan
-    moved = points_of(deskew(as_cloud(points, fields), buffer, "odom"), points.dtype)
-    for name, _, _ in fields:
-        assert np.isnan(moved[name]).nonzero()[0].tolist() == ([] if name == "time" else [3])
-
-
-@pytest.mark.parametrize(("driver", "number"), [("livox", 0.0), ("hesai", STAMP)])
-def test_points_without_coordinates_do_not_decide_the_unit(buffer, driver, number):
-    _, points, _ = measured(driver)
-    points["x"][:3000], points["timestamp"][:3000] = np.nan, number
-    moved = deskew(as_cloud(points, DRIVERS[driver][0]), buffer, "odom")
-    assert missing_in(moved, points.dtype) == list(range(3000))
 
 
 @pytest.mark.parametrize("driver", ["velodyne", "ouster", "livox"])
@@ -271,63 +227,8 @@ def test_nothing_is_waited_for_without_coordinates(driver):
         assert deskew(one, buffer, "odom", timeout=float("inf")).header.frame_id == "odom"
 
 
-@pytest.mark.parametrize("driver", ["livox", "hesai"])
-def test_the_new_time_has_the_unit_of_the_field_in_a_cloud_without_coordinates(buffer, driver):
-    cloud, points, _ = measured(driver)
-    points["x"] = np.nan
-    moved = deskew(as_cloud(points, DRIVERS[driver][0]), buffer, "base", "odom")
-    assert points_of(moved, points.dtype)["timestamp"] == pytest.approx(points["timestamp"][0], rel=1e-15)
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 3e38])
-def test_a_point_without_a_time_is_named(buffer, bad):
-    cloud, points, times = measured("velodyne")
-    points["time"][[17, 1200]] = bad
-    cloud = as_cloud(points, DRIVERS["velodyne"][0])
-    with pytest.raises(ValueError) as error:
-        deskew(cloud, buffer, "odom")
-    assert (
-        str(error.value)
-        == f"points[17]: expected a time in the field time, in s after the stamp, got {bad:g}"
-    )
-    moved = deskew(cloud, buffer, "odom", on_missing="nan")
-    assert missing_in(moved, points.dtype) == [17, 1200]
-    assert cloud.is_dense and not moved.is_dense
-
-
 def missing_in(cloud, dtype):
     return np.flatnonzero(np.isnan(xyz_of(points_of(cloud, dtype))).all(axis=1)).tolist()
-
-
-GARBAGE = [
-    ("velodyne", 3e9, "time = 3000000000 s after the stamp"),
-    ("velodyne", -3e9, "time = -3000000000 s after the stamp"),
-    ("seconds in double", 1e5, "time = 100000 s after the stamp"),
-    ("ouster", 2_000_000_000, "t = 2000000000 ns after the stamp"),
-    ("livox", 12.0, "timestamp = 12 ns since 1970"),
-    ("hesai", 4e9, "timestamp = 4000000000 s since 1970"),
-    ("hesai", 0.25, "timestamp = 0.25 s since 1970"),
-]
-
-
-@pytest.mark.parametrize("at", [0, 1234])
-@pytest.mark.parametrize(("driver", "garbage", "named"), GARBAGE)
-@pytest.mark.parametrize("how", [{}, {"timeout": 0.01}])
-def test_one_garbage_time_is_named_or_nan(buffer, driver, garbage, named, at, how):
-    """As of an uninitialized field."""
-    cloud, points, times = measured(driver)
-    points[name_of_times(DRIVERS[driver][0])][at] = garbage
-    cloud = as_cloud(points, DRIVERS[driver][0])
-    with pytest.raises((ExtrapolationException, OverflowError)) as error:
-        deskew(cloud, buffer, "odom", **how)
-    reason = "the time 4" if garbage > 2**31 else "Lookup would require extrapolation into the "
-    assert str(error.value).startswith(f"points[{at}], {named}: {reason}")
-    assert isinstance(error.value, OverflowError) == ("does not fit into the stamp" in str(error.value))
-    moved = deskew(cloud, buffer, "odom", on_missing="nan", **how)
-    assert missing_in(moved, points.dtype) == [at] and not moved.is_dense
-    rest = np.arange(len(points)) != at
-    wanted = expected(buffer, xyz_of(points)[rest], times[rest])
-    assert xyz_of(points_of(moved, points.dtype))[rest] == pytest.approx(wanted, abs=3e-4)
 
 
 def test_garbage_does_not_delay_the_other_points(tf2_ros):
@@ -480,36 +381,6 @@ def test_the_stamp_of_a_cloud_with_absolute_times_may_be_unset(buffer):
     assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype, OF_TIMES_M)
 
 
-@pytest.mark.parametrize(
-    ("driver", "odd", "odd_points", "missing"),
-    [
-        ("livox", 0.0, 500, (0, 500)),
-        ("livox", 0.0, 3000, (0, 4000)),
-        ("hesai", STAMP, 500, (0, 500)),
-        ("hesai", STAMP, 3000, (3000, 4000)),
-        ("hesai", 1e30, 3000, (0, 3000)),
-    ],
-)
-def test_most_points_decide_whether_times_are_seconds(buffer, driver, odd, odd_points, missing):
-    cloud, points, _ = measured(driver)
-    points["timestamp"][:odd_points] = odd
-    cloud = as_cloud(points, DRIVERS[driver][0])
-    with pytest.raises((ExtrapolationException, ValueError), match=r"^points\[\d+\]"):
-        deskew(cloud, buffer, "odom")
-    moved = deskew(cloud, buffer, "odom", on_missing="nan")
-    assert missing_in(moved, points.dtype) == list(range(*missing))
-
-
-def test_a_jump_at_the_first_time(tf2_ros):
-    """The oldest stamp has two samples: a lookup there takes the first, later ones the second."""
-    buffer = BufferCore()
-    for since, x in ((0, 0.0), (0, 1.0), (SWEEP, 1.1), (2 * SWEEP, 1.2)):
-        buffer.set_transform(transform("odom", "lidar", ns=STAMP + since, xyz=(x, 0, 0)), "x")
-    cloud, points, times = measured("ouster")
-    moved = deskew(cloud, buffer, "odom")
-    assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype)
-
-
 @pytest.mark.parametrize("unit", [np.float32(2.9e-9), Fraction(3, 2 * S), np.longdouble("1.5e-9"), 1 / 65536])
 def test_no_unit_is_cut_off(buffer, unit):
     with pytest.raises(ValueError, match=r"time_unit: expected whole nanoseconds, got .* ns: pass times"):
@@ -520,19 +391,10 @@ def test_given_times_of_points_without_coordinates_are_not_waited_for(tf2_ros):
     cloud, points, times = measured("velodyne")
     points["x"][::2] = np.nan
     times[::2] += 100 * S
-    filled = driving(make=tf2_ros.Buffer)
+    filled, before = driving(make=tf2_ros.Buffer), times.copy()
     moved = deskew(as_cloud(points, DRIVERS["velodyne"][0]), filled, "odom", times=times, timeout=3600)
+    assert np.array_equal(times, before)
     assert missing_in(moved, points.dtype) == list(range(0, 4000, 2))
-
-
-@pytest.mark.parametrize("unit_ns", [1, 15, 30, 120, 1000, 15_258_789])
-def test_a_unit_in_seconds_is_not_cut_off(buffer, unit_ns):
-    fields = [*XYZ, ("t", "u4", 12)]
-    points = np.zeros(4000, dtype_of(fields, 16))
-    points["x"], points["t"] = 50, np.linspace(0, SWEEP // unit_ns, 4000).astype(int)
-    times = STAMP + points["t"].astype(np.int64) * unit_ns
-    moved = deskew(as_cloud(points, fields), buffer, "odom", time_unit=unit_ns * 1e-9)
-    assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype)
 
 
 @pytest.mark.parametrize("unit", [0, -1.0, 1e-10, float("-inf"), 3601, float("inf")])
@@ -798,11 +660,12 @@ def test_no_pose_is_interpolated_across_a_gap_that_is_too_long(frames):
 @pytest.mark.parametrize("frames", [("odom",), ("lidar", "odom", at_ns(STAMP))])
 def test_the_last_point_is_waited_for_under_the_policy(frames, monkeypatch):
     """Otherwise, a tolerance that accepts older data would not spare the wait for newer data."""
-    buffer, policies = sampled_at(0, SWEEP // 2), []
+    buffer, waits = sampled_at(0, SWEEP // 2), []
     for name in ("lookup_transform", "lookup_transform_full"):
-        monkeypatch.setattr(buffer, name, lambda *_, **policy: policies.append(policy))
+        monkeypatch.setattr(buffer, name, lambda *given, **policy: waits.append((given[-1], policy)))
     deskew(measured("ouster")[0], buffer, *frames, timeout=DEADLINE_S, tolerance=1.0)
-    assert policies == [{"tolerance": 1.0}]
+    [(timeout_s, policy)] = waits
+    assert 0 < timeout_s <= DEADLINE_S and policy == {"tolerance": 1.0}
 
 
 def test_the_target_time_is_not_blamed_if_the_policy_accepts_it():
@@ -865,20 +728,6 @@ def test_an_error_that_is_kept_does_not_keep_the_memory_of_the_cloud():
 
 
 # How it is done.
-
-
-def test_normals_are_rotated_and_viewpoints_moved_as_by_do_transform_cloud(buffer):
-    fields = [*XYZ, ("time", "f4", 12), *NORMALS, *VIEWPOINTS]
-    points = np.zeros(300, dtype_of(fields, 40))
-    for i, (name, _, _) in enumerate(fields):
-        points[name] = i + 1
-    points["time"] = 0.05
-    cloud = as_cloud(points, fields)
-    pose = buffer.lookup_transform("odom", "lidar", at_ns(STAMP + SWEEP // 2))
-    moved, wanted = deskew(cloud, buffer, "odom"), do_transform_cloud(cloud, pose)
-    for name in points.dtype.names:
-        got = points_of(moved, points.dtype)[name]
-        assert got == pytest.approx(points_of(wanted, points.dtype)[name], abs=1e-5)
 
 
 def test_few_poses_are_looked_up_for_many_points(buffer, monkeypatch):

@@ -107,7 +107,7 @@ def _ratio(value: float) -> str:
 
 
 def _percent(value: float) -> str:
-    return f"{100 * value:.2g}"
+    return f"{100 * value:.0f}" if value >= 0.095 else f"{100 * value:.2g}"
 
 
 def _time(value: float) -> str:

@@ -118,6 +118,18 @@ def test_the_chosen_row_stays_in_view_when_an_update_comes_beside_a_key():
     assert asyncio.run(shown()) == [(turns, 1, 1) for turns in range(12)]
 
 
+def test_an_update_while_the_widgets_are_removed_is_ignored():
+    report = Report(0.0, [], [], [], None, 0)
+
+    async def play():
+        screen = _Screen(lambda: report, dict, "")
+        async with screen.run_test():
+            pass
+        screen._update()
+
+    asyncio.run(play())
+
+
 def played(*streams, ages=(), findings=(), chain=None, keys=()):
     """After these keys: the texts and styles of the rows, the summary, how far the problems are scrolled."""
     report = Report(100.0, [*streams], [], [*findings], chain, 0)

@@ -183,6 +183,8 @@ class _Screen(App[None]):
         self._report = self._look()
 
     def _update(self) -> None:
+        if not self.is_running:  # Textual removes the widgets before it ends the timers
+            return
         try:
             self._look_again()
         except RunError as failure:

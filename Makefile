@@ -67,10 +67,10 @@ export HELP
 help:
 	@echo "$$HELP"
 
-# Two processes for each core, because tests wait for others half of their time; those of big machines would wait for
+# Three processes for each core, because tests wait for others half of their time; those of big machines would wait for
 # each other. The tests of a file share what it makes; tests/support/suite_plugin.py orders the files. If a process
 # dies, xdist would wait for ever instead of ending.
-PYTEST = $(PY) -m pytest --numprocesses=$$((2 * $$(nproc))) --maxprocesses=8 --dist=loadfile \
+PYTEST = $(PY) -m pytest --numprocesses=$$((3 * $$(nproc))) --maxprocesses=8 --dist=loadfile \
 	--no-loadscope-reorder --max-worker-restart=0
 # One test may take that long.
 LONGEST := -o faulthandler_timeout=7200

@@ -29,8 +29,8 @@ NAMES = re.compile(r"(?:rclpy-[\d.]+-(?:on-)?(?P<ros>\w+)|tf2-[\d.]+)-cp(?P<pyth
 WHEELS_OF_TF2 = "jazzy"
 FOLDER = wheels.ROOT.parent / "shared" / "ros"
 OF_NODES = wheels.ROOT / "tests" / "ros"
-# Two processes for each core, as for `make test`.
-PROCESSES = f"--numprocesses={min(2 * len(os.sched_getaffinity(0)), 8)}"
+# Three processes for each core, as for `make test`.
+PROCESSES = f"--numprocesses={min(3 * len(os.sched_getaffinity(0)), 8)}"
 IN_PROCESSES = [PROCESSES, "--dist=loadfile", "--no-loadscope-reorder", "--max-worker-restart=0"]
 # Files that test nothing of executors, tasks, clients or receivers, which are what differs between releases.
 BY_TURNS = """

@@ -153,7 +153,7 @@ def pytest_collection_modifyitems(config, items):
         if is_long and not any(item.iter_markers("timeout")):
             item.add_marker(pytest.mark.timeout(LONG_TIMEOUT_S))
     # The processes of `pytest -n` begin the files in this order. A long file of waits must not be the last.
-    items.sort(key=lambda item: item.path.parent.name not in ("ros", "programs"))
+    items.sort(key=lambda item: item.path.parent.name not in ("ros", "programs", "live"))
     for item in items if config.getoption("--reference") else ():
         series = [one for mark in item.iter_markers("tf2") for one in mark.args]
         if series and not reference.holds(series):

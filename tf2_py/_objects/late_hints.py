@@ -57,7 +57,7 @@ class _LateFields(_Late):
 
         for name, hint in dict.items(self):
             if isinstance(hint, ForwardRef):
-                self[name] = eval(hint.__forward_arg__, vars(hinted_names))
+                self[name] = eval(hint.__forward_arg__, hinted_names.__dict__)
 
 
 def resolve_late(cls: type[Any]) -> None:

@@ -153,6 +153,9 @@ REFUSED = {
     "sec,nsec,x,y,z,qx,qy,qz,qw\n1,1000000000,0,0,0,0,0,0,1\n": "line 2: expected .*, got 1 and 1e.09$",
     "sec,nsec,x,y,z,qx,qy,qz,qw\n1.5,5,0,0,0,0,0,0,1\n": "line 2: expected whole seconds .*, got 1.5 and 5$",
     "sec,x,y,z,qx,qy,qz,qw,nsec\n1,0,0,0,0,0,0,1\n": "line 2: the row is cut off before nanoseconds",
+    "sec,nsec,usec,x,y,z,qx,qy,qz,qw\n": "line 1: .* several columns for nanoseconds: nsec, usec; rename",
+    "t,x,y,z,qx,qy,qz,qw,v\n1,5,0,0,0,0,0,1,0\n2,6,0,0,0,0,0,1\n": "line 3: expected 9 columns, as in the"
+    " first row, got 8: '2,6,0,0,0,0,0,1'$",
     "t [h] x y z qx qy qz qw\n": r"line 1: the unit of the column t\[h\] is not one of ns, .*, seconds$",
     "t x[ft] y z qx qy qz qw\n": r"line 1: the unit of the column x\[ft\] is not one of m, .*, mm$",
     "t x y z qx [deg] qy qz qw\n": r"line 1: the unit of the column qx\[deg\] is not one of ",
@@ -245,6 +248,35 @@ def test_a_heading_with_the_unit_of_stamps_is_a_remedy(read, unit, factor):
         read(text)
     _, name = str(raised.value).split("say so in the heading: ")
     check(read(text.replace("timestamp", name)), poses)
+
+
+@pytest.mark.parametrize(
+    ("names", "factor"),
+    {
+        "sec,nsec": 1,
+        "secs,nanos": 1,
+        "sec,usec": 1_000,
+        "sec,msecs": 1_000_000,
+        "stamp_sec,stamp_nsec": 1,
+        "timestamp.sec,timestamp.nanosec": 1,
+        "/odom/header/stamp/sec,/odom/header/stamp/nanosec": 1,
+        "t_s,t_us": 1_000,
+    }.items(),
+)
+def test_a_stamp_may_have_two_columns(read, names, factor):
+    poses = Poses([ns // factor * factor for ns in POSES.times_ns], POSES.translations, POSES.rotations)
+
+    def row(ns, numbers):
+        seconds, rest = divmod(ns, S)
+        return ",".join([str(seconds), str(rest // factor), *numbers])
+
+    check(read(f"{names},x,y,z,qx,qy,qz,qw\n{table(poses, row)}"), poses)
+
+
+def test_positions_may_have_a_unit_behind_an_underscore(read):
+    in_cm = Poses(POSES.times_ns, 100.0 * np.array(POSES.translations), POSES.rotations)
+    text = table(in_cm, lambda ns, numbers: ",".join([f"{ns}", *numbers]))
+    check(read(f"t_ns,x_cm,ty_cm,position.z_cm,qx,qy,qz,qw\n{text}"), POSES)
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("ns", 1), ("us", 1_000), ("ms", 1_000_000)])
@@ -514,6 +546,18 @@ def test_advised_commands_make_files_of_kitti(read, tmp_path, kind, separator):
         for one in commands
     ]
     check(read(made[0], made[-1] if "stamp" in kind else TIMES))
+
+
+@in_a_shell
+def test_the_advised_command_turns_a_matrix_that_is_written_column_by_column(read, tmp_path):
+    matrices = (POSES.matrices().transpose(0, 2, 1)).reshape(-1, 16).tolist()
+    with pytest.raises(BagError, match="if it is a matrix, .*`times`") as raised:
+        read("\n".join(" ".join(map(str, one)) for one in matrices))
+    command = str(raised.value).split("`")[1].replace("FILE", "poses.txt")
+    made = subprocess.run(
+        command, shell=True, cwd=tmp_path, capture_output=True, check=True, text=True
+    ).stdout
+    check(read(made, TIMES))
 
 
 # Large files.

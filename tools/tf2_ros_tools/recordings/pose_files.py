@@ -153,9 +153,9 @@ def read_times(path: str | PathLike[str]) -> NDArray[np.int64]:
 
 # Nanoseconds in the units of a stamp, and meters in those of a position.
 TIME_UNITS = {
-    **dict.fromkeys(("ns", "nsec", "nanoseconds"), 1.0),
-    **dict.fromkeys(("us", "\u00b5s", "\u03bcs", "usec", "microseconds"), 1e3),
-    **dict.fromkeys(("ms", "msec", "milliseconds"), 1e6),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanos", "nanoseconds"), 1.0),
+    **dict.fromkeys(("us", "\u00b5s", "\u03bcs", "usec", "usecs", "microsec", "micros", "microseconds"), 1e3),
+    **dict.fromkeys(("ms", "msec", "msecs", "millisec", "millis", "milliseconds"), 1e6),
     **dict.fromkeys(("s", "sec", "secs", "seconds"), 1e9),
 }
 LENGTH_UNITS = {"m": 1.0, "meters": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3}
@@ -166,9 +166,8 @@ UNITS = {**dict.fromkeys((STAMP, NANOSECONDS), TIME_UNITS), **dict.fromkeys(POSE
 STAMPS = re.compile(r"time|timestamp|t|ts|stamp|(\w+\.)*header\.stamp")
 POSITIONS = re.compile(r"(?:t|p|pos|position|translation|p_\w+|(?:\w+\.)*position)?[_.]?([xyz])")
 ROTATIONS = re.compile(r"(?:q|quat|quaternion|rotation|orientation|q_\w+|(?:\w+\.)*orientation)[_.]?([xyzw])")
-# Two columns of one stamp.
-SECONDS = re.compile(r"((\w+\.)*stamp\.)?secs?")
-REST = re.compile(r"((\w+\.)*stamp\.)?(nsecs?|nanosec)")
+# A stamp in two columns: whole seconds, and the rest.
+PART = re.compile(rf"(?P<stem>(\w*[./])*(stamp|timestamp|time|ts|t)[._/])?(?P<unit>{'|'.join(TIME_UNITS)})")
 LIKE_STAMP = re.compile("time|stamp", re.I)
 OF_EUROC = re.compile(r"p_[a-z]+_[a-z]+_[xyz]")  # a format in which stamps are nanoseconds
 LONGEST_NAME = 100
@@ -180,11 +179,20 @@ _SHOWN = dict(zip(TUM, EXAMPLE.split(), strict=True)) | {
 
 
 class _Column(NamedTuple):
-    """A column of a heading, and what its name means; without a role, it is not needed."""
+    """
+    A column of a heading, and what its name means; without a role, it is not needed.
+
+    ``stem`` is what the two parts of a stamp have in common, such as ``stamp_`` of ``stamp_nsec``.
+    """
 
     name: str
     role: str = ""
     unit: str = ""
+    stem: str = ""
+
+    @property
+    def is_seconds(self) -> bool:
+        return PART.fullmatch(_short(self.name)) is not None and TIME_UNITS[self.unit] == S
 
 
 def _column(name: str) -> _Column:
@@ -193,10 +201,9 @@ def _column(name: str) -> _Column:
         return _Column(name, VALID)
     if len(short) > LONGEST_NAME:
         return _Column(name)
-    if SECONDS.fullmatch(short):
-        return _Column(name, STAMP, "s")
-    if REST.fullmatch(short):
-        return _Column(name, NANOSECONDS, "ns")
+    if (found := PART.fullmatch(short)) and (found["stem"] or len(short) > len("ns")):
+        is_rest = not found["stem"] and TIME_UNITS[short] < S
+        return _Column(name, NANOSECONDS if is_rest else STAMP, found["unit"], found["stem"] or "")
     short, unit = _without_unit(short)
     if STAMPS.fullmatch(short):
         return _Column(name, STAMP, unit)
@@ -217,7 +224,16 @@ def _without_unit(name: str) -> tuple[str, str]:
     if begin > 0 and name[-1] in "])":
         return name[:begin].rstrip(), name[begin + 1 : -1].strip()
     short, _, unit = name.rpartition("_")
-    return (short, unit) if unit in TIME_UNITS and STAMPS.fullmatch(short) else (name, "")
+    is_unit = unit in LENGTH_UNITS and POSITIONS.fullmatch(short)
+    return (short, unit) if is_unit else (name, "")
+
+
+def _with_rests(columns: Sequence[_Column]) -> list[_Column]:
+    """Let ``stamp_nsec`` beside ``stamp_sec`` be the rest of one stamp."""
+    stems = {one.stem for one in columns if one.stem and one.is_seconds}
+    return [
+        one._replace(role=NANOSECONDS) if one.stem in stems and not one.is_seconds else one for one in columns
+    ]
 
 
 def _names(text: str) -> list[str]:
@@ -275,7 +291,7 @@ def _of_heading(text: str, needed: Roles, *, is_comment: bool) -> _Layout | None
     :return: None: it is a comment that does not name the columns.
     :raises ValueError: it cannot be obeyed, or is not a heading.
     """
-    columns = [*map(_column, _names(text.rpartition(":")[2] if is_comment else text))]
+    columns = _with_rests([*map(_column, _names(text.rpartition(":")[2] if is_comment else text))])
     known = {one.role for one in columns}.intersection(needed)
     if is_comment:
         # A prose comment may contain one of these words.
@@ -288,10 +304,11 @@ def _of_heading(text: str, needed: Roles, *, is_comment: bool) -> _Layout | None
 
 def _of_columns(columns: Sequence[_Column], needed: Roles) -> _Layout:
     roles = [one.role for one in columns]
-    for role in needed:
+    for role in (*needed, NANOSECONDS):
         if len(same := [one.name for one in columns if one.role == role]) > 1:
+            what = _SHOWN.get(role, role)
             raise ValueError(
-                f"the heading has several columns for {_SHOWN[role]}: {_listed(same)}; rename the others"
+                f"the heading has several columns for {what}: {_listed(same)}; rename the others"
             )
     if missing := [_SHOWN[role] for role in needed if role not in roles]:
         names = " ".join(one.name for one in columns)
@@ -305,7 +322,7 @@ def _of_columns(columns: Sequence[_Column], needed: Roles) -> _Layout:
     wanted = (*needed, NANOSECONDS) if NANOSECONDS in roles else needed
     places = tuple(map(roles.index, wanted))
     stamp = columns[roles.index(STAMP)]
-    if NANOSECONDS in roles and not SECONDS.fullmatch(_short(stamp.name)):
+    if NANOSECONDS in roles and not stamp.is_seconds:
         both = _listed([stamp.name, columns[places[-1]].name])
         raise ValueError(f"the heading has several columns for {_SHOWN[STAMP]}: {both}; rename the other one")
     names_unit = bool(stamp.unit)
@@ -366,7 +383,7 @@ def _read(path: str | PathLike[str], needed: Roles) -> _Table:
     """
     name = printable(os.fspath(path))
     lines, times_ns, values = array("q"), array("q"), array("d")
-    layout, before = None, 0
+    layout, before, columns = None, 0, 0
     for number, line in _lines(path, name):
         text = line.strip()
         try:
@@ -384,7 +401,9 @@ def _read(path: str | PathLike[str], needed: Roles) -> _Table:
                 layout = layout or found
                 continue
             layout = layout or _without_heading(needed)
-            row = _row(text, layout, is_first=not lines)
+            fields = _fields(text)
+            columns = columns or len(fields)
+            row = _row(text, fields, layout, columns, is_first=not lines)
         except ValueError as error:
             raise BagError(f"{name}, line {number}: {error}") from None
         if row is not None:
@@ -419,11 +438,16 @@ def _fields(text: str) -> list[str]:
     return fields if fields[-1] else fields[:-1]  # some programs write a comma at the end
 
 
-def _row(text: str, layout: _Layout, *, is_first: bool) -> tuple[int, list[float]] | None:
-    """Read the stamp in ns and the other numbers of a row; None: a column says that it is not valid."""
-    fields = _fields(text)
-    if len(fields) != layout.most:
-        _check_columns(text, fields, layout, is_first)
+def _row(
+    text: str, fields: Sequence[str], layout: _Layout, columns: int, *, is_first: bool
+) -> tuple[int, list[float]] | None:
+    """
+    Read the stamp in ns and the other numbers of a row; None: a column says that it is not valid.
+
+    :param columns: how many the first row has.
+    """
+    if not columns == len(fields) == layout.most:
+        _check_columns(text, fields, layout, columns, is_first)
     if layout.valid is not None and [one.lower() for one in fields[layout.valid :][:1]] in (["false"], ["0"]):
         return None
     try:
@@ -438,8 +462,8 @@ def _row(text: str, layout: _Layout, *, is_first: bool) -> tuple[int, list[float
     return _time_ns(fields[layout.places[0]], numbers, layout), scaled[1 : len(layout.needed)]
 
 
-def _check_columns(text: str, fields: Sequence[str], layout: _Layout, is_first: bool) -> None:
-    """Refuse a row that has too many columns, or too few of those that are needed."""
+def _check_columns(text: str, fields: Sequence[str], layout: _Layout, columns: int, is_first: bool) -> None:
+    """Refuse a row with other columns than the first one, too many, or too few of those that are needed."""
     if not layout.has_heading:
         raise ValueError(_unexpected(text, layout.needed, is_first=is_first))
     if len(fields) > layout.most:
@@ -447,6 +471,10 @@ def _check_columns(text: str, fields: Sequence[str], layout: _Layout, is_first: 
     ends = zip(layout.roles, layout.places, strict=True)
     if missing := [_SHOWN.get(role, role) for role, place in ends if place >= len(fields)]:
         raise ValueError(f"the row is cut off before {_listed(missing)}: {_quoted(text)}")
+    if len(fields) != columns:
+        raise ValueError(
+            f"expected {columns} columns, as in the first row, got {len(fields)}: {_quoted(text)}"
+        )
 
 
 def _check_numbers(text: str, fields: Sequence[str], layout: _Layout, is_first: bool) -> None:
@@ -474,12 +502,12 @@ def _time_ns(text: str, numbers: Sequence[float], layout: _Layout) -> int:
     if value * unit < LAST_NS + S:  # a float is not exact
         time_ns = round(EXACT.multiply(Decimal(text), Decimal(unit)))
         if NANOSECONDS in layout.roles:
-            if not (0.0 <= numbers[-1] < S and value.is_integer()):
+            rest_ns = numbers[-1] * layout.units[-1]
+            if not (0.0 <= rest_ns < S and value.is_integer()):
                 raise ValueError(
-                    f"expected whole seconds and less than 10^9 ns, got {_shortened(text)} and"
-                    f" {numbers[-1]:g}"
+                    f"expected whole seconds and less than 10^9 ns, got {_shortened(text)} and {rest_ns:g}"
                 )
-            time_ns += round(numbers[-1])
+            time_ns += round(rest_ns)
     if time_ns > LAST_NS:
         large = f"the stamp {_shortened(text)} is too large: messages cannot hold {value * unit / S:g} s"
         raise ValueError(f"{large}{_unit_hint(value, layout)}")
@@ -601,6 +629,8 @@ def _advice(text: str, needed: Roles, *, is_first: bool) -> str:
         return f"; the names of columns are like {EXAMPLE}" if is_first else ""
     if needed == KITTI and len(fields) == len(TUM):
         return "; a file that has the stamps is read without `times`"
+    by_columns = "print $1, $5, $9, $13, $2, $6, $10, $14, $3, $7, $11, $15"
+    upper_rows = by_columns if any(map(float, fields[12:15])) else "NF = 12; print"
     found = {
         3: "; poses need a position and a rotation",
         4: f"; if they are a stamp, x y and an angle in radians: {awk}"
@@ -612,7 +642,7 @@ def _advice(text: str, needed: Roles, *, is_first: bool) -> str:
         13: f"; without the first number, it may be a matrix: `{awk} '{{$1 = \"\"; print}}' FILE` writes the"
         f" format of KITTI, which needs `times`; if the first number is the stamp,"
         f" `{awk} '{{print $1}}' FILE` writes these",
-        16: f"; if it is a matrix, `{awk} '{{NF = 12; print}}' FILE` writes the format of KITTI, which needs"
+        16: f"; if it is a matrix, `{awk} '{{{upper_rows}}}' FILE` writes the format of KITTI, which needs"
         " `times`",
         17: f"; if it is an index and a matrix, `{awk} '{{NF = 13; $1 = \"\"; print}}' FILE` writes the"
         " format of KITTI, which needs `times`",

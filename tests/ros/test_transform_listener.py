@@ -176,11 +176,13 @@ def test_a_fake_node_with_the_arguments_of_tf2_alone(tf2_ros, buffer):
 def test_the_graph_shows_what_tf2_shows(tf2_ros, new_node):
     def seen():
         whose = (node.get_name(), node.get_namespace())
+        publishers = dict(node.get_publisher_names_and_types_by_node(*whose))
+        publishers.pop("/rosout", None)  # of rcl; with Cyclone DDS later than the others, on Humble never
         return {
             "nodes": node.get_node_names(),
             "parameters": [parameter.name for parameter in node.get_parameters_by_prefix("").values()],
             "services": dict(node.get_service_names_and_types_by_node(*whose)),
-            "publishers": dict(node.get_publisher_names_and_types_by_node(*whose)),
+            "publishers": publishers,
             "subscribers": dict(node.get_subscriber_names_and_types_by_node(*whose)),
             "clients": node.get_client_names_and_types_by_node(*whose),
         }
@@ -189,7 +191,7 @@ def test_the_graph_shows_what_tf2_shows(tf2_ros, new_node):
     # With Cyclone DDS, the graph has a node before what the node has.
     until(lambda: node.get_name() in node.get_node_names())
     until(lambda: len(seen()["services"]) == len(list(node.services)))
-    until(lambda: {"/rosout", "/parameter_events"} <= seen()["publishers"].keys())
+    until(lambda: "/parameter_events" in seen()["publishers"])
     before = seen()
     buffer = tf2_ros.Buffer(node=node)
     tf2_ros.TransformListener(buffer, node)

@@ -150,8 +150,8 @@ def test_poses_that_are_all_outside_of_the_odometry_are_refused_with_both_ranges
     outside = written(tmp_path, times, drift(STAMPS[[0, 1, 7]]), "outside.tum")
     begin, end = (f"{ns // S}.{ns % S:09d} s" for ns in (int(times[0]), int(times[-1])))
     text = (
-        f"outside.tum: none of its poses can be used: their stamps are from {begin} to {end}, but base in"
-        " odom is known from 100.000000000 s to 109.900000000 s$"
+        f"^[^:]*outside.tum: none of its poses can be used: their stamps are from {begin} to {end}, but base"
+        " in odom is known from 100.000000000 s to 109.900000000 s$"
     )
     with pytest.raises(bag.BagError, match=text):
         bag.load(path, trajectory=replace(outside, on_missing="skip", start=0))

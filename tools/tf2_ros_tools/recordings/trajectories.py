@@ -232,10 +232,12 @@ class Keyframes:
             used = correct(*what, **how, on_missing=one.on_missing)
             if not used:
                 none = "none of its poses can be used: "
-                self._refuse_outside(buffer, replace(poses, times_ns=times_ns), none)
                 correct(*what, **how)  # says why
         except (TransformException, ValueError) as error:
-            self._refuse(buffer, replace(poses, times_ns=times_ns), none, error)
+            at_ends = replace(poses, times_ns=times_ns)
+            if none:
+                self._refuse_outside(buffer, at_ends, none)
+            self._refuse(buffer, at_ends, none, error)
         left_out, unset = len(poses) - repeats - used, int((times_ns == 0).sum())
         if not left_out:
             return []

@@ -182,17 +182,18 @@ class _Column(NamedTuple):
     """
     A column of a heading, and what its name means; without a role, it is not needed.
 
-    ``stem`` is what the two parts of a stamp have in common, such as ``stamp_`` of ``stamp_nsec``.
+    ``stem`` is what both parts of a stamp have in common: ``stamp_`` of ``stamp_nsec``, ``""`` of ``nsec``;
+    None: it is no such part.
     """
 
     name: str
     role: str = ""
     unit: str = ""
-    stem: str = ""
+    stem: str | None = None
 
     @property
     def is_seconds(self) -> bool:
-        return PART.fullmatch(_short(self.name)) is not None and TIME_UNITS[self.unit] == S
+        return self.stem is not None and TIME_UNITS[self.unit] == S
 
 
 def _column(name: str) -> _Column:
@@ -201,9 +202,9 @@ def _column(name: str) -> _Column:
         return _Column(name, VALID)
     if len(short) > LONGEST_NAME:
         return _Column(name)
-    if (found := PART.fullmatch(short)) and (found["stem"] or len(short) > len("ns")):
-        is_rest = not found["stem"] and TIME_UNITS[short] < S
-        return _Column(name, NANOSECONDS if is_rest else STAMP, found["unit"], found["stem"] or "")
+    if (found := PART.fullmatch(short)) and (found["stem"] or len(short) > len("ns")):  # s alone is anything
+        stem, unit = found["stem"] or "", found["unit"]
+        return _Column(name, STAMP if stem or TIME_UNITS[unit] == S else NANOSECONDS, unit, stem)
     short, unit = _without_unit(short)
     if STAMPS.fullmatch(short):
         return _Column(name, STAMP, unit)
@@ -219,7 +220,7 @@ def _short(name: str) -> str:
 
 
 def _without_unit(name: str) -> tuple[str, str]:
-    """Split ``x [m]``, ``x(m)`` and ``stamp_ns``."""
+    """Split ``x [m]``, ``x(m)`` and ``x_m``."""
     begin = max(name.rfind("["), name.rfind("("))
     if begin > 0 and name[-1] in "])":
         return name[:begin].rstrip(), name[begin + 1 : -1].strip()

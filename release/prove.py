@@ -183,13 +183,13 @@ def counts_of(output, status):
 def run(step, root, tracked):
     """Run a step, and return its result."""
     print(f"== {step.name}: {shlex.join(step.command)}", flush=True)
+    commit = subprocess.check_output(["git", "rev-parse", "--short=8", "HEAD"], cwd=root, text=True).strip()
     begin = time.monotonic()
     log = root / "build" / "proofs" / f"{re.sub(r'[^a-z0-9.]+', '-', step.name.lower())}.log"
     log.parent.mkdir(parents=True, exist_ok=True)
     with open(log, "w", encoding="utf-8") as written:
         status = subprocess.run(step.command, cwd=root, stdout=written, stderr=subprocess.STDOUT).returncode
     output = log.read_text(encoding="utf-8", errors="replace")
-    commit = subprocess.check_output(["git", "rev-parse", "--short=8", "HEAD"], cwd=root, text=True).strip()
     cores = len(os.sched_getaffinity(0))
     result = {
         **counts_of(output, status),
@@ -252,6 +252,7 @@ def main(arguments=None, found=None, root=ROOT):
     end = time.monotonic() + options.minutes * 60
     for one in todo:
         if time.monotonic() < end:
+            tracked = tracked_files(root)
             kept[one.name] = run(one, root, tracked)
             keep(found, kept, tracked, root)
     return 1 if any(kept.get(one.name, {}).get("failed") for one in todo) else 0

@@ -129,6 +129,18 @@ def test_a_proof_has_a_commit(repository, capsys):
     assert "commit first, because a proof has a commit: core/a.py" in capsys.readouterr().err
 
 
+def test_the_commit_of_a_proof_is_that_at_its_begin(repository):
+    moves = (
+        "import subprocess; subprocess.run(['git', '-c', 'user.name=me', '-c', 'user.email=me@example.org',"
+    )
+    moves += " 'commit', '-q', '--allow-empty', '-m', 'another'], check=True)"
+    head = ["git", "rev-parse", "--short=8", "HEAD"]
+    before = subprocess.check_output(head, cwd=repository, text=True).strip()
+    assert prove.main([], [step("one", moves, "*")], repository) == 0
+    assert prove.results(repository)["one"]["commit"] == before
+    assert subprocess.check_output(head, cwd=repository, text=True).strip() != before
+
+
 def test_what_a_machine_lacks_is_not_due_and_a_row_says_so(repository):
     lacking = prove.Step("zenoh", ("false",), ("*",), "no router")
     assert proved(repository, [lacking, step("one", "1", "*")])[0] == 0

@@ -11,8 +11,15 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tf2_py import BufferCore, FrameInfo, LookupException, TransformException, stored_name
-from tf2_py._internal import as_times_ns, seconds
+from tf2_py import (
+    BufferCore,
+    FrameInfo,
+    InvalidArgumentException,
+    LookupException,
+    TransformException,
+    stored_name,
+)
+from tf2_py._internal import as_times_ns, is_invalid_name, seconds
 from tf2_py.typing import TimesLike
 from tf2_ros._arguments import kind_of
 from tf2_ros.numpy import Array, Message, Pair, to_arrays, to_matrix
@@ -78,6 +85,7 @@ def correct(
         static; a keyframe is at or before time 0, or older than ``cache_time`` allows; keyframes at one time
         have different poses; or the buffer refuses the samples.
     :raises OverflowError: a time does not fit into the stamp of a message.
+    :raises InvalidArgumentException: a name is empty, or begins with more than one ``/``.
     :raises TransformException: ``moving`` in ``child`` is not known at a keyframe; the text has its index.
 
     Each keyframe becomes a sample of ``child`` in ``parent``: its pose, multiplied by the inverse of the pose
@@ -107,6 +115,8 @@ def correct(
     for name, frame in (("parent", parent), ("child", child), ("moving", moving)):
         if not isinstance(frame, str):
             raise TypeError(f"{name}: expected a str, the name of a frame, got {kind_of(frame)}")
+        if is_invalid_name(stored_name(frame)):
+            raise InvalidArgumentException(f"{name}: expected the name of a frame, got {frame!r}")
     edge = _Edge(buffer, *map(stored_name, (parent, child, moving)))
     times_ns = as_times_ns(times)
     bad = np.flatnonzero((times_ns != NAT) & ((times_ns < 0) | (times_ns > LATEST_NS)))

@@ -22,7 +22,7 @@ from numpy.testing import assert_allclose
 from pickles_and_copies import image_of
 from times_and_transforms import S, about_z, transform
 
-from tf2_py import BufferCore, ExtrapolationException, LookupException
+from tf2_py import BufferCore, ExtrapolationException, InvalidArgumentException, LookupException
 from tf2_py._objects import log
 from tf2_ros.correction import AUTHORITY, correct
 from tf2_ros.numpy import from_matrix, to_arrays, to_matrix
@@ -233,7 +233,10 @@ WRONG = {
         OverflowError,
         {"times": [9 * 10**18, S]},
     ),
-    "the buffer refused the samples of 'odom' in ''": (ValueError, {"parent": ""}),
+    "parent: expected the name of a frame, got ''": (InvalidArgumentException, {"parent": ""}),
+    "parent: expected the name of a frame, got '//map'": (InvalidArgumentException, {"parent": "//map"}),
+    "child: expected the name of a frame, got '/'": (InvalidArgumentException, {"child": "/"}),
+    "moving: expected the name of a frame, got '//b'": (InvalidArgumentException, {"moving": "//b"}),
 }
 
 
@@ -286,6 +289,16 @@ def test_equal_keyframes_whose_poses_differ_are_refused_or_all_left_out():
         assert correct(before, *EDGE, times[[0, 2]], poses[[0, 2]], before="hold") == 2
         assert image_of(buffer) == image_of(before)
         assert correct(buffer, *EDGE, times[[1, 3]], poses[[1, 3]], on_missing="skip") == 0
+
+
+def test_samples_that_the_buffer_refuses_for_good_raise_and_change_nothing():
+    buffer = BufferCore(Duration(seconds=100), max_frames=2)
+    for s in (1, 2):
+        buffer.set_transform(transform("odom", "base", s, (s, 0, 0)), "wheels")
+    before = image_of(buffer)
+    with pytest.raises(ValueError, match="the buffer refused the samples of 'odom' in 'map'"):
+        correct(buffer, *EDGE, [S, 2 * S], poses_at(np.array([S, 2 * S])))
+    assert image_of(buffer) == before
 
 
 def test_names_of_frames_are_stored_without_their_leading_slash():

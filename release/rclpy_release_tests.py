@@ -13,7 +13,6 @@ An overlay may also be the real tf2, compiled for Jazzy: beside it, the tests ru
 """
 
 import argparse
-import os
 import re
 import subprocess
 import sys
@@ -29,9 +28,6 @@ NAMES = re.compile(r"(?:rclpy-[\d.]+-(?:on-)?(?P<ros>\w+)|tf2-[\d.]+)-cp(?P<pyth
 WHEELS_OF_TF2 = "jazzy"
 FOLDER = wheels.ROOT.parent / "shared" / "ros"
 OF_NODES = wheels.ROOT / "tests" / "ros"
-# Three processes for each core, as for `make test`.
-PROCESSES = f"--numprocesses={min(3 * len(os.sched_getaffinity(0)), 8)}"
-IN_PROCESSES = [PROCESSES, "--dist=loadfile", "--no-loadscope-reorder", "--max-worker-restart=0"]
 # Files that test nothing of executors, tasks, clients or receivers, which are what differs between releases.
 BY_TURNS = """
 ages arguments buffer_interface waits_while_system_time_is_set max_age max_age_random faulty_middleware
@@ -140,7 +136,7 @@ def _tested(python, name, archive, tests):
     suite = wheels.SCRATCH / "suite-overlays"
     wheels.copy_suite(suite)
     print(f"== {name}", flush=True)
-    command = [python, "-m", "pytest", "-q", "-p", "no:cacheprovider", *IN_PROCESSES, *tests]
+    command = [python, "-m", "pytest", "-q", "-p", "no:cacheprovider", *wheels.IN_PROCESSES, *tests]
     return "passed" if subprocess.run(command, cwd=suite, env=environment).returncode == 0 else "failed"
 
 

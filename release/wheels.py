@@ -40,7 +40,18 @@ RELEASES = {"jazzy": ["ros"], "kilted": []}
 
 OLDEST = "3.10"
 OLDEST_EXTRAS_OF_TOOLS = ["cli", "plot", "bag", "fleet"]
-OLDEST_OF_TESTS = ["pytest>=9", "pytest-timeout", "hypothesis", "pexpect", "mcap-ros2-support"]
+OLDEST_OF_TESTS = [
+    "pytest>=9",
+    "pytest-timeout",
+    "pytest-xdist",
+    "hypothesis",
+    "pexpect",
+    "mcap-ros2-support",
+]
+
+# Three processes for each core, as for `make test`.
+PROCESSES = f"--numprocesses={min(3 * len(os.sched_getaffinity(0)), 8)}"
+IN_PROCESSES = [PROCESSES, "--dist=loadfile", "--no-loadscope-reorder", "--max-worker-restart=0"]
 
 # The project itself, whose installed form is tested, with what builds it.
 OF_PROJECT = (
@@ -188,7 +199,7 @@ def tested(python, version, release, wheels, requirements, of_pytest):
     run([usable, "-m", "pip", "install", "--quiet", *wanted])
     suite = SCRATCH / f"suite-{version}-{release}"
     copy_suite(suite)
-    command = [usable, "-m", "pytest", "--all", "-p", "no:cacheprovider"]
+    command = [usable, "-m", "pytest", "--all", "-p", "no:cacheprovider", *IN_PROCESSES]
     command += ["-o", "faulthandler_timeout=7200"]  # one test may take that long
     if of_pytest:
         return subprocess.run([*command, *of_pytest], cwd=suite, env=environment()).returncode == 0

@@ -27,6 +27,9 @@ SELF_CHECK = "-DTF2_SELF_CHECK"
 # Deadlines of tests are so much later: a sanitizer makes extensions several times slower.
 SLOWNESS = 5
 TEST_TIMEOUT_S = 240 * SLOWNESS
+# Of pytest, for whole suites: their tests wait for others most of their time. A process needs 1 GB.
+PROCESSES = f"--numprocesses={min(2 * len(os.sched_getaffinity(0)), 8)}"
+IN_PROCESSES = [PROCESSES, "--dist=loadfile", "--no-loadscope-reorder", "--max-worker-restart=0"]
 
 # Files and tests that cannot run here, and why.
 NOT_HERE = {
@@ -142,7 +145,7 @@ def run(name, of_pytest):
             suites[folder / "tools"] = ["tests"]
         status = max(
             subprocess.run(
-                [*command, *_left_out(place, folder), *tests], cwd=place, env=environment
+                [*command, *IN_PROCESSES, *_left_out(place, folder), *tests], cwd=place, env=environment
             ).returncode
             for place, tests in suites.items()
         )

@@ -4,9 +4,9 @@
 Run the suite in builds with sanitizers: `python -m reliability.sanitize`, behind `make sanitize`.
 
 AddressSanitizer and UndefinedBehaviorSanitizer check everything, in a build that also checks each buffer's
-invariants after every operation (`tf2_py/engine/engine.pxi`). ThreadSanitizer checks the tests that use
-threads. Every process that the tests start runs with the runtime, too, and a report of any of them fails the
-run, whatever became of that process.
+invariants after every operation (`tf2_py/engine/engine.pxi`). ThreadSanitizer checks the files in THREADED.
+Every process that the tests start runs with the runtime, too, and a report of any of them fails the run,
+whatever became of that process.
 """
 
 import argparse
@@ -118,7 +118,8 @@ def main(arguments=None):
     parser = argparse.ArgumentParser(
         prog="python -m reliability.sanitize",
         usage="%(prog)s [-h] [address|thread] [what pytest takes ...]",
-        description="Run the tests in a build with sanitizers; reports are kept in .reliability/reports.",
+        description="Run the tests in a build with sanitizers: address runs all, thread only the files in "
+        "THREADED of reliability/sanitize.py. Reports are kept in .reliability/reports.",
         epilog=f"What is not run, and why:\n{left_out}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

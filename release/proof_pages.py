@@ -66,8 +66,8 @@ def _coverage(kept):
         return "not run"
     cython, python = (result["covered"][kind] for kind in ("Cython", "Python"))
     return (
-        f"the core's short tests ran {cython}, of Cython in all processes, and {python}, of Python in their "
-        f"own process (commit {result['commit']}, {result['date']})"
+        f"the short tests of `tests/core` and `tests/ros` ran {cython}, of Cython in all processes, "
+        f"and {python}, of Python in their own process (commit {result['commit']}, {result['date']})"
     )
 
 

@@ -19,7 +19,7 @@ LEFT_OUT = {"tests/packaging": "reads sources, and builds the package"}
 COMPILED = (".pyx", ".pxi", ".pxd")
 SLOWNESS = 2  # of this build, for the deadlines of tests
 # As in the Makefile.
-SEVERAL_PROCESSES = (f"--numprocesses={2 * (os.cpu_count() or 1)}", "--maxprocesses=8", "--dist=loadfile")
+SEVERAL_PROCESSES = (f"--numprocesses={3 * (os.cpu_count() or 1)}", "--maxprocesses=8", "--dist=loadfile")
 SEVERAL_PROCESSES += ("--no-loadscope-reorder", "--max-worker-restart=0")
 
 

@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-Run everything that a page claims, by `make prove`: `python -m release.prove`.
+Run the steps of docs/development/proofs.md that are due, by `make prove`: `python -m release.prove`.
 
 Each step runs one command. Its result is kept in `release/proofs.json`, with the commit and a hash of the
 files that the step reads; a step whose files have not changed since it passed is not due, and is not run
-again. So a run may end at any time, and the next one continues. `docs/development/proofs.md` has a row for
-each step.
+again. So a run may end at any time, and the next one continues.
 """
 
 import argparse

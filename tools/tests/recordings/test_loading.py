@@ -413,6 +413,7 @@ FAULTS = {
     ),
     "half": (lambda data: data[: len(data) // 2], "{folder}.* is broken.*; `{tool}.*` may repair it$"),
     "end": (lambda data: data[: len(data) * 49 // 50], "{folder}.* is broken.*; `{tool}.*` may repair it$"),
+    "last byte": (lambda data: data[:-1], "{folder}.* is broken.*; `{tool}.*` may repair it$"),
     "middle": (lambda data: spoiled(data, len(data) // 2, 300), "is broken.*; `{tool}.*` may repair it$"),
 }
 TOOLS = {".mcap": "mcap recover", ".db3": "sqlite3 FILE .recover", ".bag": "rosbag reindex"}

@@ -12,6 +12,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from struct import Struct
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypeVar
 
@@ -45,6 +46,8 @@ PACKED = ".zstd"  # what rosbag2 adds to the name of a compressed file
 ZSTD = b"\x28\xb5\x2f\xfd"
 # What files begin with, by the extension.
 MAGICS = {".mcap": b"\x89MCAP0\r\n", ".db3": b"SQLite format 3\0", ".bag": b"#ROSBAG V", PACKED: ZSTD}
+# The size of a page, how often the file was changed, the number of its pages, and as of which change that is.
+SQLITE_HEADER = Struct(">16xH6xII60xI4x")
 UNFINISHED = ".bag.active"  # what rosbag of ROS 1 renames when it ends
 SUFFIXES = (*TOOLS, *(f"{suffix}{PACKED}" for suffix in TOOLS))
 FROZEN = ".tf2"  # the extension of frozen buffers
@@ -436,18 +439,28 @@ def logs_of(database: Path) -> Iterator[Path]:
 
 
 def _refuse_content(path: Path, name: str) -> None:
-    """Refuse a file that has the name of a recording, but another content, which no tool repairs."""
+    """Refuse a file that has the name of a recording, but another content, and a database without its end."""
     with open(path, "rb") as file:
-        begin = file.read(len(LFS_POINTER))
-    if begin == LFS_POINTER:
+        begin = file.read(SQLITE_HEADER.size)
+    if begin.startswith(LFS_POINTER):
         advice = "`git lfs pull` downloads the recording"
         raise BagError(f"{printable(name)} is a pointer of Git LFS, not the recording: {advice}")
     magic = MAGICS.get(path.suffix, b"")
+    if path.suffix == ".db3" and len(begin) == SQLITE_HEADER.size and begin.startswith(magic):
+        _refuse_cut_database(begin, path.stat().st_size, name)
     if begin.startswith(magic) or magic.startswith(begin):  # what was cut off is another fault
         return
     text = f"{printable(name)} is not a recording: it does not begin as {path.suffix} files do"
     others = [suffix for suffix, magic in MAGICS.items() if begin.startswith(magic)]
     raise BagError(f"{text}, but as {others[0]} files do: rename it" if others else text)
+
+
+def _refuse_cut_database(header: bytes, size: int, name: str) -> None:
+    """Refuse a database that is shorter than its header says: SQLite reads zeros after its end."""
+    page_size, changes, pages, counted_at = SQLITE_HEADER.unpack(header)
+    whole = pages * (page_size if page_size > 1 else 1 << 16)
+    if changes == counted_at and size < whole:  # otherwise the number of pages is not valid
+        raise explained(ValueError(f"it has {size:,} of {whole:,} bytes"), name)
 
 
 def _begins_with(path: Path, begin: bytes) -> bool:

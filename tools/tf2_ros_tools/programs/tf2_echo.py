@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 import sys
 import time
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from contextlib import suppress
 from functools import partial
 from math import degrees
@@ -56,6 +56,12 @@ EXAMPLE = """\
   tf2_echo map base_link --json --once       one line, for programs to read"""
 
 
+def _digits(text: str) -> int:
+    if not re.fullmatch("[0-9]{1,2}", text) or int(text) > MOST_DIGITS:
+        raise ArgumentTypeError(f"expected a whole number from 0 to {MOST_DIGITS}, got {text}")
+    return int(text)
+
+
 PARSER = Parser("tf2_echo", DESCRIPTION, EXAMPLE)
 PARSER.add_argument("target", metavar="TARGET", help="the frame to which data is transformed")
 PARSER.add_argument("source", metavar="SOURCE", help="the frame of the data")
@@ -73,8 +79,7 @@ PARSER.add_argument(
     "-p",
     "--precision",
     metavar="DIGITS",
-    type=int,
-    choices=range(MOST_DIGITS + 1),
+    type=_digits,
     default=DIGITS,
     help=f"number of decimals; {DIGITS} by default; not used with --json",
 )

@@ -3,18 +3,25 @@
 """The arguments of `connect`, and libraries that are missing."""
 
 import sys
+from importlib.util import find_spec
 
 import pytest
 
 from tf2_ros_tools.live import connect
+
+NEEDS_DDS = pytest.mark.skipif(find_spec("cyclonedds") is None, reason="cyclonedds is not installed")
 
 
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
         ({"where": "robot"}, "expected an address such as zenoh://robot:7447"),
-        ({"where": "dds://robot"}, "give the robot's address as dds://.peers=192.168.0.7"),
-        ({"where": "dds://?peer=x"}, "unknown option 'peer'; dds:// accepts peers"),
+        pytest.param(
+            {"where": "dds://robot"}, "give the robot's address as dds://.peers=192.168.0.7", marks=NEEDS_DDS
+        ),
+        pytest.param(
+            {"where": "dds://?peer=x"}, "unknown option 'peer'; dds:// accepts peers", marks=NEEDS_DDS
+        ),
         ({"where": "dds://robot:seven"}, "expected an address such as"),
         ({"where": "dds://", "domain": -1}, "domain: expected a number from 0 to 232, got -1"),
         ({"where": "dds://", "domain": "1"}, "domain: expected a number from 0 to 232, got '1'"),

@@ -395,6 +395,9 @@ def test_broadcasters_end_with_their_feed(laptop, port):
             laptop.do(f"{broadcaster}.sendTransform(made('base', 'camera', 1))")
 
 
+# Since Python 3.12, a fork beside threads is warned of.
+QUIET = (sys.executable, "-W", "ignore:This process:DeprecationWarning", "-c")
+
 FORGETS = """
 import os, sys
 sys.modules["rclpy"] = None
@@ -418,7 +421,7 @@ def test_a_program_ends_that_does_not_close_its_feed(stand_in, port, forks):
     stand_in.do(
         "latched('fixed', ('base', 'camera', 1)); out = publisher('out'); flood(out, 200, 50, 60_000)"
     )
-    ended = run(sys.executable, "-c", FORGETS.format(port=port, seconds=SECONDS, forks=forks))
+    ended = run(*QUIET, FORGETS.format(port=port, seconds=SECONDS, forks=forks))
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
 
 
@@ -449,7 +452,7 @@ connect(where).close()
 
 
 def test_a_forked_child_is_refused_a_feed_if_its_parent_has_used_zenoh(router, port):
-    ended = run(sys.executable, "-c", FORKS_AND_CONNECTS.format(port=port))
+    ended = run(*QUIET, FORKS_AND_CONNECTS.format(port=port))
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
 
 

@@ -268,7 +268,7 @@ def test_a_start_is_a_time(optimized):
         replace(optimized, start="record")
     with pytest.raises(TypeError, match=r"start: expected nanoseconds .*; round\(seconds \* 1e9\)"):
         replace(optimized, start=1.5)
-    for time in (np.datetime64("NaT"), 10**30):
+    for time in (np.datetime64("NaT", "ns"), 10**30):
         with pytest.raises(ValueError, match="start: expected a time that 64-bit nanoseconds can hold, got"):
             replace(optimized, start=time)
 

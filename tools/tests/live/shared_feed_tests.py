@@ -2,9 +2,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Tests of a feed from a robot that DDS and Zenoh share, and helpers for those of each."""
 
+import sys
+
 import pytest
 from obeying_processes import OrderError
 from waiting import DEADLINE_S
+
+# Runs the program that follows, without the warning of Python 3.12 and newer about a fork beside threads.
+FORKING_PYTHON = (sys.executable, "-W", "ignore:This process:DeprecationWarning", "-c")
 
 
 def matched(robot, laptop, **options):

@@ -4,7 +4,6 @@
 
 import os
 import struct
-import sys
 
 import installing
 import pytest
@@ -12,7 +11,7 @@ from obeying_processes import Obeying, OrderError
 from paths import ROOT
 from processes import run
 from ros_domains import claim_domain
-from shared_feed_tests import RobotFeed, matched, why
+from shared_feed_tests import FORKING_PYTHON, RobotFeed, matched, why
 from waiting import until
 
 from tf2_ros.serialization import serialize_arrays
@@ -141,7 +140,7 @@ def test_a_program_that_does_not_close_its_feed_ends(robot, end):
         f"robot.buffer.lookup_transform('base', 'camera', 0, timeout={SECONDS})\n"
         f"sender = robot.static_broadcaster()\n{end}"
     )
-    ended = run(sys.executable, "-c", code, timeout=SECONDS)
+    ended = run(*FORKING_PYTHON, code, timeout=SECONDS)
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
 
 

@@ -11,12 +11,11 @@ Python whose rclpy uses it. `make test-long` sets the variable.
 import os
 import signal
 import socket
-import sys
 
 import pytest
 from obeying_processes import Obeying, OrderError
 from processes import run
-from shared_feed_tests import RobotFeed, matched, why
+from shared_feed_tests import FORKING_PYTHON, RobotFeed, matched, why
 from waiting import DEADLINE_S
 
 pytest.importorskip("zenoh")
@@ -395,9 +394,6 @@ def test_broadcasters_end_with_their_feed(laptop, port):
             laptop.do(f"{broadcaster}.sendTransform(made('base', 'camera', 1))")
 
 
-# Since Python 3.12, a fork beside threads is warned of.
-QUIET = (sys.executable, "-W", "ignore:This process:DeprecationWarning", "-c")
-
 FORGETS = """
 import os, sys
 sys.modules["rclpy"] = None
@@ -421,7 +417,7 @@ def test_a_program_ends_that_does_not_close_its_feed(stand_in, port, forks):
     stand_in.do(
         "latched('fixed', ('base', 'camera', 1)); out = publisher('out'); flood(out, 200, 50, 60_000)"
     )
-    ended = run(*QUIET, FORGETS.format(port=port, seconds=SECONDS, forks=forks))
+    ended = run(*FORKING_PYTHON, FORGETS.format(port=port, seconds=SECONDS, forks=forks))
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
 
 
@@ -452,7 +448,7 @@ connect(where).close()
 
 
 def test_a_forked_child_is_refused_a_feed_if_its_parent_has_used_zenoh(router, port):
-    ended = run(*QUIET, FORKS_AND_CONNECTS.format(port=port))
+    ended = run(*FORKING_PYTHON, FORKS_AND_CONNECTS.format(port=port))
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
 
 

@@ -53,6 +53,8 @@ SUITE = (
 )
 SUITE += ("*.md", "*.rst", "*.toml", "*.yaml", "package.xml", "resource/*", "LICENSE*", "tools/*.toml")
 SUITE += ("tools/package.xml", "tools/docs/*", "tools/README.md")
+INSTALLERS = "rclpy_release_tests wheels interpreters child_environment cyclonedds unpacking_debs"
+INSTALLERS = tuple(f"release/{name}.py" for name in INSTALLERS.split())
 TOOLS = (*CORE, "tools/*", "tests/support/*", "docs/*", "README.md")
 EVERYTHING = ("*",)
 # The last line of pytest, and of each of its runs in one command.
@@ -106,11 +108,12 @@ def steps():
     yield from _releases()
     for name in REAL_TF2:
         lacks = "" if any(OVERLAYS.glob(f"{name}-*.tar.xz")) else "no archive of it"
-        yield Step(f"beside the real {name}", ("make", "releases", f"OPTIONS=--only {name}"), SUITE, lacks)
+        reads = (*CORE, "tests/*", *INSTALLERS)
+        yield Step(f"beside the real {name}", ("make", "releases", f"OPTIONS=--only {name}"), reads, lacks)
 
 
 def _releases():
-    reads = (*CORE, *TESTS_OF_NODES, "release/*")
+    reads = (*CORE, *TESTS_OF_NODES, *INSTALLERS)
     for name in proof_pages.RELEASES:
         lacks = (
             "" if name.startswith("wheels") or any(OVERLAYS.glob(f"{name}-*.tar.xz")) else "no archive of it"
@@ -186,8 +189,12 @@ def run(step, root, tracked):
     begin = time.monotonic()
     log = root / "build" / "proofs" / f"{re.sub(r'[^a-z0-9.]+', '-', step.name.lower())}.log"
     log.parent.mkdir(parents=True, exist_ok=True)
+    # What `make prove` was called with, such as OPTIONS, is not for the commands of make that it runs.
+    environment = {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MFLAGS")}
     with open(log, "w", encoding="utf-8") as written:
-        status = subprocess.run(step.command, cwd=root, stdout=written, stderr=subprocess.STDOUT).returncode
+        status = subprocess.run(
+            step.command, cwd=root, env=environment, stdout=written, stderr=subprocess.STDOUT
+        ).returncode
     output = log.read_text(encoding="utf-8", errors="replace")
     cores = len(os.sched_getaffinity(0))
     result = {

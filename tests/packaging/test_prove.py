@@ -72,6 +72,12 @@ def test_another_command_is_due(repository):
     assert proved(repository, [step("one", "2", "*")]) == (0, ["one"])
 
 
+def test_a_step_does_not_get_the_options_of_make_prove(repository, monkeypatch):
+    monkeypatch.setenv("MAKEFLAGS", " -- OPTIONS=--only\\ one")
+    found = [step("one", "import os; raise SystemExit('MAKEFLAGS' in os.environ)", "*")]
+    assert proved(repository, found) == (0, ["one"])
+
+
 def test_what_failed_stays_due(repository):
     found = [step("red", "raise SystemExit(3)", "*"), step("green", "1", "*")]
     assert proved(repository, found) == (1, ["red", "green"])

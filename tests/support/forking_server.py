@@ -8,6 +8,7 @@ on the socket has the arguments of a process, in JSON, and the descriptors of it
 errors; its id is sent back. The end of the connection ends the server. `processes.Forked` is the client.
 """
 
+import atexit
 import importlib
 import json
 import os
@@ -19,7 +20,15 @@ import sys
 LONGEST = 65536  # bytes of a message
 
 
+def end():
+    """Exit without C's handlers of that: those of LTTng, which rclpy loads, cancel threads of others."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
+
+
 def main(connection, program, *modules):
+    atexit.register(end)  # as the first one, which is called last
     sys.path[0] = os.path.dirname(program)
     for name in modules:
         importlib.import_module(name)

@@ -701,7 +701,7 @@ cdef class Engine:
         unlock_written(&self._lock, &self._tree, &self._waiters)
         if in_1970_ns:
             self.log_1970(in_1970_ns)
-        if not waiter.answered:
+        if not load_acquire(&waiter.answered):
             catch_up(self)      # with what arrived before the inboxes were marked
         return 0
 

@@ -167,14 +167,6 @@ cdef class TopicArrivals:
     def __cinit__(self, Inboxes inboxes not None=INBOXES):
         self._inboxes = inboxes
 
-    cdef Arrivals _now(self):
-        cdef Arrivals now
-        with nogil:
-            lock_acquire(&self._inboxes.shared.lock)
-            now = self._arrivals
-            lock_release(&self._inboxes.shared.lock)
-        return now
-
     def count(self):
         """Count a message with which an executor has called the listener."""
         with nogil:
@@ -185,8 +177,13 @@ cdef class TopicArrivals:
 
     def taken(self):
         """Return how many messages there were, and the steady time of the last one in nanoseconds."""
-        cdef Arrivals now = self._now()
-        return now.taken, now.taken_at_ns
+        cdef uint64_t taken
+        cdef int64_t at_ns
+        with nogil:
+            lock_acquire(&self._inboxes.shared.lock)
+            taken, at_ns = self._arrivals.taken, self._arrivals.taken_at_ns
+            lock_release(&self._inboxes.shared.lock)
+        return taken, at_ns
 
     @property
     def is_received(self):
@@ -195,7 +192,12 @@ cdef class TopicArrivals:
 
     def overwritten(self):
         """Return how many messages newer ones have displaced from the queue, as far as that is known."""
-        return self._now().overwritten
+        cdef uint64_t overwritten
+        with nogil:
+            lock_acquire(&self._inboxes.shared.lock)
+            overwritten = self._arrivals.overwritten
+            lock_release(&self._inboxes.shared.lock)
+        return overwritten
 
 
 @cython.no_gc_clear     # its inbox needs it at its own end

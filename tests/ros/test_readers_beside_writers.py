@@ -8,7 +8,7 @@ from calls_in_threads import repeated
 from random_runs import times
 from rclpy.duration import Duration
 from times_and_transforms import S, at, transform
-from waiting import DEADLINE_S, until
+from waiting import DEADLINE_S, SLOWNESS, until
 
 from bench.programs.serialized_template import Template
 
@@ -42,7 +42,7 @@ def test_no_message_is_lost_beside_readers_that_never_pause(tf2_ros, buffer, nod
     with tf2_ros.TransformListener(buffer, node) as listener:
         assert listener.receives
         with repeated(*[lambda: buffer.lookup_transforms("map", f"frame{HOPS}", TIMES)] * READERS):
-            flood(100, 1, messages).communicate(timeout=3 * DEADLINE_S)
+            flood(int(100 / SLOWNESS), 1, messages).communicate(timeout=3 * DEADLINE_S)
         until(lambda: taken(buffer) == before + messages)
 
 

@@ -28,6 +28,8 @@ class Alarm(Exception):
 @pytest.fixture
 def alarms():
     """A function that calls something until SIGNALS alarms were raised; returns how many left it."""
+    if sys.version_info[:2] == (3, 14):
+        pytest.skip("this Python may leave locks of rclpy locked, see docs/limits.md")
     raised = []
 
     def handle(*_):

@@ -12,15 +12,12 @@ import os
 import subprocess
 import sys
 
-from reliability.flagged_builds import BUILDS, build
+from reliability.flagged_builds import BUILDS, build, in_processes
 
 # What is not run, and why.
 LEFT_OUT = {"tests/packaging": "reads sources, and builds the package"}
 COMPILED = (".pyx", ".pxi", ".pxd")
 SLOWNESS = 2  # of this build, for the deadlines of tests
-# As in the Makefile.
-SEVERAL_PROCESSES = (f"--numprocesses={3 * (os.cpu_count() or 1)}", "--maxprocesses=8", "--dist=loadfile")
-SEVERAL_PROCESSES += ("--no-loadscope-reorder", "--max-worker-restart=0")
 
 
 def main(of_pytest=None):
@@ -30,7 +27,7 @@ def main(of_pytest=None):
     for counts in folder.rglob("*.gcda"):
         counts.unlink()
     packages = sorted(path.parent.name for path in folder.glob("tf2_*/__init__.py"))
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *SEVERAL_PROCESSES]
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *in_processes(3)]
     command += ["--cov-report=", *(f"--cov={package}" for package in packages)]
     command += [f"--ignore={name}" for name in LEFT_OUT]
     # In one of its tests, a thread outruns this build.

@@ -13,6 +13,12 @@ ROOT = Path(__file__).resolve().parent.parent
 BUILDS = ROOT / ".reliability"
 
 
+def in_processes(per_core):
+    """Options of pytest to run the files of a suite in so many processes for each core, at most eight."""
+    count = min(per_core * len(os.sched_getaffinity(0)), 8)
+    return (f"--numprocesses={count}", "--dist=loadfile", "--no-loadscope-reorder", "--max-worker-restart=0")
+
+
 def build(name, *, cflags=(), ldflags=(), **variables):
     """
     Bring ``.reliability/<name>`` up to date with the checkout and build it in place; return its path.

@@ -19,7 +19,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from reliability.flagged_builds import BUILDS, build
+from reliability.flagged_builds import BUILDS, build, in_processes
 
 SUPPRESSIONS = Path(__file__).resolve().parent / "suppressions"
 STACKS = ("-fno-omit-frame-pointer", "-g1")  # those of reports name functions and lines
@@ -27,9 +27,7 @@ SELF_CHECK = "-DTF2_SELF_CHECK"
 # Deadlines of tests are so much later: a sanitizer makes extensions several times slower.
 SLOWNESS = 5
 TEST_TIMEOUT_S = 240 * SLOWNESS
-# Of pytest, for whole suites: their tests wait for others most of their time. A process needs 1 GB.
-PROCESSES = f"--numprocesses={min(2 * len(os.sched_getaffinity(0)), 8)}"
-IN_PROCESSES = [PROCESSES, "--dist=loadfile", "--no-loadscope-reorder", "--max-worker-restart=0"]
+PER_CORE = 2  # processes for whole suites, each of which needs 1 GB
 
 # Files and tests that cannot run here, and why.
 NOT_HERE = {
@@ -145,12 +143,15 @@ def run(name, of_pytest):
     if _names_tests(of_pytest):
         status = subprocess.run(command, cwd=folder, env=environment).returncode
     else:
+        command += in_processes(PER_CORE)
         suites = {folder: _tests(folder, kind)}
         if kind.tests == "all":
             suites[folder / "tools"] = ["tests"]
         status = max(
             subprocess.run(
-                [*command, *IN_PROCESSES, *_left_out(place, folder), *tests], cwd=place, env=environment
+                [*command, *_left_out(place, folder), *tests],
+                cwd=place,
+                env=environment,
             ).returncode
             for place, tests in suites.items()
         )

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A signal handler that raises at a random moment, as Ctrl-C does, leaves nothing that hangs."""
 
-import sys
 import threading
 
 import pytest
+from excused_faults import WITHOUT_LOCKS_LEFT
 from paths import PROGRAMS
 from processes import output_of
 from random_runs import times
@@ -17,9 +17,7 @@ class Interrupt(BaseException):
 
 
 @pytest.mark.repeated
-@pytest.mark.skipif(
-    sys.version_info >= (3, 14), reason="CPython 3.14 leaves a lock locked if a signal raises in its `with`"
-)
+@WITHOUT_LOCKS_LEFT
 @pytest.mark.parametrize("how", [[], ["switch"], ["collector", "finalizer"]], ids=lambda how: "-".join(how))
 def test_chance_finds_nothing_that_hangs(how):
     """By hand for minutes: ``cd tests/support; PYTHONPATH=. python programs/interrupts_at_random.py 60``."""

@@ -11,6 +11,7 @@ import weakref
 from collections import deque
 
 import pytest
+from excused_faults import WITHOUT_LOCKS_LEFT
 from geometry_msgs.msg import PointStamped
 from rclpy.clock import JumpHandle
 from simulated_clock import simulate
@@ -28,8 +29,6 @@ class Alarm(Exception):
 @pytest.fixture
 def alarms():
     """A function that calls something until SIGNALS alarms were raised; returns how many left it."""
-    if sys.version_info[:2] == (3, 14):
-        pytest.skip("this Python may leave locks of rclpy locked, see docs/limits.md")
     raised = []
 
     def handle(*_):
@@ -71,6 +70,7 @@ def clocked(request, tf2_ros, node):
     return tf2_ros.Buffer(node=node), node.get_clock().now().nanoseconds
 
 
+@WITHOUT_LOCKS_LEFT
 def test_out_of_a_lookup_that_fails(tf2_ros, clocked, alarms):
     buffer, now_ns = clocked
     buffer.set_transform(transform("map", "base", ns=now_ns), "x")
@@ -84,6 +84,7 @@ def test_out_of_a_lookup_that_fails(tf2_ros, clocked, alarms):
     assert alarms(fail) == SIGNALS
 
 
+@WITHOUT_LOCKS_LEFT
 def test_out_of_an_insert_that_ends_waits(tf2_ros, clocked, alarms):
     buffer, now_ns = clocked
     futures = deque()
@@ -97,6 +98,7 @@ def test_out_of_an_insert_that_ends_waits(tf2_ros, clocked, alarms):
     assert {type(one.exception()) for one in futures if one.done()} == {type(None)}
 
 
+@WITHOUT_LOCKS_LEFT
 def test_out_of_a_filter(tf2_ros, clocked, node, alarms):
     buffer, now_ns = clocked
     insert(buffer, "map", "base", 1)
@@ -110,6 +112,7 @@ def test_out_of_a_filter(tf2_ros, clocked, node, alarms):
     filter.close()
 
 
+@WITHOUT_LOCKS_LEFT
 def test_out_of_calls_with_changes(tf2_ros, clocked, alarms):
     buffer, now_ns = clocked
     changes = deque()

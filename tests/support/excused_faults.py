@@ -1,19 +1,25 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-Faults of rclpy and of the middleware below it, known by whose code raised or hangs.
+Faults of rclpy, of the middleware below it, and of Python, known by whose code raised or hangs.
 
 Nothing but such a fault makes a test try anything again, and pytest's summary of warnings names each.
 """
 
 import re
+import sys
 import traceback
 import warnings
 from pathlib import Path
 
+import pytest
 import reference
 
 ATTEMPTS = 3
+# Of tests in which signal handlers raise.
+WITHOUT_LOCKS_LEFT = pytest.mark.skipif(
+    sys.version_info >= (3, 14), reason="CPython 3.14 leaves a lock locked if a signal raises in its `with`"
+)
 
 
 class KnownFault(UserWarning):

@@ -446,9 +446,9 @@ def _refuse_content(path: Path, name: str) -> None:
         advice = "`git lfs pull` downloads the recording"
         raise BagError(f"{printable(name)} is a pointer of Git LFS, not the recording: {advice}")
     magic = MAGICS.get(path.suffix, b"")
-    if path.suffix == ".db3" and len(begin) == SQLITE_HEADER.size and begin.startswith(magic):
-        _refuse_cut_database(begin, path.stat().st_size, name)
     if begin.startswith(magic) or magic.startswith(begin):  # what was cut off is another fault
+        if path.suffix == ".db3" and len(begin) == SQLITE_HEADER.size:
+            _refuse_cut_database(begin, path.stat().st_size, name)
         return
     text = f"{printable(name)} is not a recording: it does not begin as {path.suffix} files do"
     others = [suffix for suffix, magic in MAGICS.items() if begin.startswith(magic)]

@@ -87,7 +87,9 @@ def test_the_recorder_saves_what_it_received_until_ctrl_c(tmp_path, peer):
     code = named_programs(DOCS / "recordings.md")["record.py"]
     # It says when it has received everything: interrupted before that, there might be nothing to save.
     received = 'print(buffer.can_transform("map", "camera", 1_000_000_000, timeout=60), flush=True)'
-    code = code.replace("        time.sleep(60)", f"        {received}\n        time.sleep(60)")
+    # A signal that comes just before a sleep begins does not interrupt it, and is noticed at its end.
+    sleeps = "for _ in range(600):\n            time.sleep(0.1)"
+    code = code.replace("        time.sleep(60)", f"        {received}\n        {sleeps}")
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with killed(subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, text=True, **pipes)) as recorder:
         assert recorder.stdout.readline() == "Recording for 60 s, or until Ctrl-C\n"

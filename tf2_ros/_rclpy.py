@@ -216,6 +216,23 @@ def mark_shut_down(executor: Executor) -> None:
     wake(executor)
 
 
+def shut_down_but_for_signals(executor: Executor) -> object:
+    """
+    Shut an executor down, but for the guard condition by which rclpy's thread for signals wakes it.
+
+    After a signal, that thread triggers those of all executors, and crashes if one is destroyed meanwhile.
+    The caller keeps the returned one, and drops it at another time, which destroys it.
+
+    Assumes the attribute ``_sigint_gc``, which ``shutdown()`` destroys unless it is None. Without it, nothing
+    is kept.
+    """
+    woken_by_signals = getattr(executor, "_sigint_gc", None)
+    if woken_by_signals is not None:
+        executor._sigint_gc = None
+    executor.shutdown()
+    return woken_by_signals
+
+
 def waits_for_sets(executor: object) -> TypeGuard[Executor]:
     """
     Whether an executor waits for sets of entities, and wakes for a guard condition.

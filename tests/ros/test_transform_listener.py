@@ -378,6 +378,14 @@ class TestEnd:
         )
         assert printed == "at the end\nafter the end\n"
 
+    def test_one_may_be_closed_while_rclpy_handles_a_signal(self, inserter, tmp_path):
+        """As a `with` statement does after Ctrl-C; what is freed is overwritten."""
+        overwriting = {"MALLOC_PERTURB_": "165", "GLIBC_TUNABLES": "glibc.malloc.tcache_count=0"}
+        printed = output_with_library(
+            "late_signals", tmp_path, "closed", inserter, program="exits_while_active", **overwriting
+        )
+        assert printed == "at the end\n"
+
     @by_the_inbox
     def test_an_executor_that_has_just_met_an_event_handler_does_not_wait_for_it(self, listener, node):
         """If another thread destroys the subscription then, the executor would raise InvalidHandle."""

@@ -18,11 +18,19 @@ from tf2_ros._live_objects import LiveObjects
 from tf2_ros._nodes.ended_nodes import node_has_ended
 from tf2_ros._process.background import check_regularly
 from tf2_ros._process.forking import is_inherited, keep_in_children
-from tf2_ros._rclpy import context_was_shut_down, is_shut_down, mark_shut_down, wake
+from tf2_ros._rclpy import (
+    context_was_shut_down,
+    is_shut_down,
+    mark_shut_down,
+    shut_down_but_for_signals,
+    wake,
+)
 
 CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the thread is to end
 
 _running: "LiveObjects[Spinner]" = LiveObjects()
+# Of executors that have ended: what rclpy's thread for signals may be using, see `shut_down_but_for_signals`.
+_woken_by_signals: list[object] = []
 _lacks_signal_thread = False  # rclpy's, because this process was forked from one that had it
 
 
@@ -50,6 +58,7 @@ class Spinner:
     ) -> None:
         self._at_end = at_end
         self._node = weakref.ref(until or node)
+        _woken_by_signals.clear()  # long after a signal; otherwise their number would grow
         self.executor = SingleThreadedExecutor(context=node.context)
         self._process = os.getpid()
         keep_in_children(node)
@@ -102,7 +111,10 @@ class Spinner:
             if self.executor.context.ok() and not is_shut_down(self.executor):
                 raise
         finally:
-            self.executor.shutdown()
+            kept = shut_down_but_for_signals(self.executor)
+            if kept is not None:
+                keep_in_children(kept)
+                _woken_by_signals.append(kept)
             at_end, self._at_end = self._at_end, None
             if at_end is not None:
                 at_end()
@@ -117,11 +129,13 @@ def _stop_spinning() -> None:
         uninstall_signal_handlers()
     for spinner in _running:
         spinner.stop()
+    _woken_by_signals.clear()
 
 
 def _after_fork_in_child() -> None:
     global _lacks_signal_thread
     _running.clear()
+    _woken_by_signals.clear()
     if get_current_signal_handlers_options() != SignalHandlerOptions.NO:
         _lacks_signal_thread = True
 

@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import threading
+from contextlib import suppress
 
 import rclpy
 from rclpy.duration import Duration
@@ -61,6 +62,9 @@ def main(how, inserter):
             threading.Event().wait(0.001)
     elif how == "future":
         future = buffer.wait_for_transform_async("map", "robot", Time(), timeout=Duration(seconds=60))
+    elif how == "closed":
+        with suppress(KeyboardInterrupt), TransformListener(buffer, node, spin_thread=True):
+            signal.raise_signal(signal.SIGINT)
     elif how == "called back":
         TransformListener(buffer, node)
         rclpy.spin_once(node, timeout_sec=0)  # an executor has the queue, and runs nothing any more

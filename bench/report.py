@@ -22,8 +22,8 @@ TITLES = {
     "receiving:cpu": "CPU of a process per message it receives, µs",
     "receiving:waits": "How soon a waiting lookup returns, µs",
     "tf2_rs:offline": "Lookups as in the evaluation of tf2_rs, offline, µs",
-    "tf2_rs:online": "The same, online: beside a process that publishes 300 frames at 50 Hz, µs; CPU seconds "
-    "per second",
+    "tf2_rs:online": "The same, online: beside a process that publishes 300 frames, half of them at 50 Hz, "
+    "µs; CPU seconds per second",
     "nodes": "CPU seconds per second of nodes that are spun, all together",
     "frozen": "Frozen files: writing, opening and lookups, µs; bytes per sample",
 }

@@ -201,8 +201,8 @@ def of_all_lookups() -> Iterator[str]:
     took = _range([ours for ours, _ in online], "{:.2f}".format)
     ratios = _range([python / ours for ours, python in online], rounded_down)
     yield (
-        f"While a process receives 300 frames, a lookup takes {took} µs, and {ratios} times as long with"
-        " `tf2_ros`."
+        f"While a process receives 300 frames, half of which move, a lookup takes {took} µs, and {ratios}"
+        " times as long with `tf2_ros`."
     )
 
 
@@ -236,7 +236,8 @@ def of_lookups() -> Table:
         f"{online[f'{who}: buffer'][0]:.3g}, {online[f'{who}: p99'][0]:.3g} µs" for who in ("ours", "tf2_ros")
     ]
     yield (
-        "a past time over 4 hops, while 300 frames are received at 50 Hz: median, 99th percentile",
+        "a past time over 4 hops, while 300 frames are received, half of them at 50 Hz: median, 99th"
+        " percentile",
         *heard, none, none,
     )  # fmt: skip
     used = [f"{100 * online[f'{who}: CPU'][0]:.2g} %" for who in ("ours", "tf2_ros")]

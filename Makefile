@@ -145,9 +145,9 @@ oldest: $(VENV)/dev.stamp
 release-check: $(VENV)/dev.stamp
 	$(PY) -m release.release_check $(TAG)
 
-# What has changed since it was proved, see docs/development/proofs.md.
-prove: $(VENV)/dev.stamp $(VENV)/test.stamp
-	$(PY) -m release.prove $(OPTIONS)
+# One commit, see docs/development/release.md. The steps run in a clone, which has an environment of its own.
+prove:
+	$(PYTHON) -m release.prove $(COMMIT)
 
 # Without .venv: what it has must not be needed.
 bare:

@@ -37,7 +37,7 @@ if os.environ.get("_ROS_WHEELS_BOOTSTRAP_COMPLETE"):
 RUN = """#!/bin/sh
 unset _ROS_WHEELS_BOOTSTRAP_COMPLETE LD_LIBRARY_PATH
 export RMW_IMPLEMENTATION=rmw_cyclonedds_cpp PYTHONPATH={site}${{PYTHONPATH:+:$PYTHONPATH}}
-exec {python} "$@"
+exec .venv/bin/python "$@"
 """
 
 
@@ -51,9 +51,9 @@ def main(arguments=None):
     library = _compiled(folder, options.source)
     (folder / "site").mkdir(exist_ok=True)
     (folder / "site" / "sitecustomize.py").write_text(SITE.format(library=str(library)))
-    (ROOT / PYTHON).write_text(RUN.format(site=folder / "site", python=sys.executable))
+    (ROOT / PYTHON).write_text(RUN.format(site=folder / "site"))
     (ROOT / PYTHON).chmod(0o755)
-    print(f"{PYTHON} runs {sys.executable} with Cyclone DDS")
+    print(f"{PYTHON} runs .venv/bin/python with Cyclone DDS, in the root of any checkout")
 
 
 def _compiled(folder, source):

@@ -61,7 +61,7 @@ OF_PROJECT = (
 # Tests of sources and of builds, which run only in the checkout.
 OF_SOURCES = """
 packaging/test_building_extensions packaging/test_new_message_type core/test_allocation_failures
-packaging/test_cross_compile
+packaging/test_cross_compile packaging/test_prove
 packaging/test_docs packaging/test_facts_on_pages packaging/test_examples packaging/test_import_directions
 packaging/test_makefile packaging/test_packaging packaging/test_refused_builds
 packaging/test_tf2_msgs_packaging packaging/test_public_names packaging/test_owner_and_release_check
@@ -91,6 +91,7 @@ def main(arguments=None):
     parser.add_argument("--python", action="append", default=[], metavar="PATH", help="also use this one")
     parser.add_argument("--ros", nargs="+", choices=RELEASES, default=["jazzy"], help="the releases of ROS 2")
     parser.add_argument("--oldest", action="store_true", help="with Python 3.10 and the oldest requirements")
+    parser.add_argument("--short", action="store_true", help="run only the tests of make test")
     parser.add_argument("--untested", action="store_true", help="build without running the tests")
     options, of_pytest = parser.parse_known_args(arguments)
     found = interpreters(options.python)
@@ -109,7 +110,9 @@ def main(arguments=None):
         for name in options.ros if python is not None else ():
             wheels = [wheel(python, version, sources[part]) for part in ("engine", name, "tools")]
             requirements = oldest_requirements() if options.oldest else None
-            passed = options.untested or tested(python, version, name, wheels, requirements, of_pytest)
+            passed = options.untested or tested(
+                python, version, name, wheels, requirements, of_pytest, options.short
+            )
             results[version, name] = "built" if options.untested else "passed" if passed else "failed"
     for (version, name), result in results.items():
         print(f"Python {version}, {name.capitalize()}: {result}")
@@ -182,12 +185,13 @@ def oldest_requirements():
     return [f"{name}=={version}.*" for name, version in sorted(bounds.items())]
 
 
-def tested(python, version, release, wheels, requirements, of_pytest):
+def tested(python, version, release, wheels, requirements, of_pytest, is_short):
     """
     Whether the tests pass in a new environment with these wheels, and no project around them.
 
     :param requirements: None: the newest of all that the project and its tests require. Otherwise these, and
         of the tests' own only what all of them use.
+    :param is_short: run the tests of `make test`.
     """
     usable = environment_of(python, SCRATCH / f"environment-{version}-{release}")
     extras, of_tools = (["test"], ["test-all"]) if requirements is None else ([], OLDEST_EXTRAS_OF_TOOLS)
@@ -199,7 +203,8 @@ def tested(python, version, release, wheels, requirements, of_pytest):
     run([usable, "-m", "pip", "install", "--quiet", *wanted])
     suite = SCRATCH / f"suite-{version}-{release}"
     copy_suite(suite)
-    command = [usable, "-m", "pytest", "--all", "-p", "no:cacheprovider", *IN_PROCESSES]
+    command = [usable, "-m", "pytest", "-p", "no:cacheprovider", *IN_PROCESSES]
+    command += [] if is_short else ["--all"]
     command += ["-o", "faulthandler_timeout=7200"]  # one test may take that long
     if of_pytest:
         return subprocess.run([*command, *of_pytest], cwd=suite, env=environment()).returncode == 0

@@ -5,6 +5,7 @@
 import gc
 import importlib
 import os
+import platform
 import random
 import signal
 import subprocess
@@ -20,7 +21,7 @@ from processes import Peer, end, start
 from ros_domains import claim_domain
 from waiting import NeverTold
 
-from tf2_ros_cython._ros_in_use import running_release
+from tf2_ros_cython._ros_in_use import rclpy_version, running_prefix, running_release
 
 try:
     import hypothesis
@@ -171,10 +172,16 @@ def _is_left_out(item, config):
 
 
 def pytest_report_header(config):
-    lines = [f"seed {random_runs.first_seed()}: `pytest --seed` repeats a run with another one"]
+    return [f"seed {random_runs.first_seed()}: `pytest --seed` repeats a run with another one"]
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    """Print the versions with which the tests ran, which `make prove` reads."""
+    prefix = running_prefix()
+    versions = [f"Python {platform.python_version()}", f"rclpy {prefix and rclpy_version(prefix)}"]
     if config.getoption("--reference"):
-        lines.append(f"the real tf2 {'.'.join(map(str, reference.release))}")
-    return lines
+        versions.append(f"the real tf2 {'.'.join(map(str, reference.release))}")
+    terminalreporter.write_line(f"ran with {', '.join(versions)}")
 
 
 @pytest.hookimpl(wrapper=True)

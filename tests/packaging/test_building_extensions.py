@@ -49,18 +49,6 @@ def build(tmp_path):
     return build
 
 
-def test_a_line_for_each_module_says_how_far_it_is(build):
-    done, lines = build(one="x = 1\n", other="y = 2 * 3\n")
-    assert done.returncode == 0, done.stderr
-    # The larger one begins, and either may end first.
-    assert {line.partition(": ")[0] for line in lines} == {"  1 of 2", "  2 of 2"}
-    assert {line.partition(": ")[2] for line in lines} == {"tf2_small.one", "tf2_small.other"}
-    # Later, only what has changed is built, and named.
-    done, lines = build(one="x = 3\n")
-    assert done.returncode == 0 and [line.partition(": ")[2] for line in lines] == ["tf2_small.one"]
-    assert build()[1] == []
-
-
 def test_a_module_that_cython_refuses_is_named_and_the_others_are_built(build, tmp_path):
     done, lines = build(broken="def f(:\n", good="x = 1\n")
     assert done.returncode == 1

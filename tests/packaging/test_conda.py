@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The recipe for conda, and the example for pixi."""
 
-import hashlib
 import re
 import sys
 
@@ -13,19 +12,8 @@ from paths import ROOT
 from project_sources import PYPROJECT, tomllib
 
 sys.path.insert(0, str(ROOT))
-from release import conda_recipe, owner
 
 RECIPE = ROOT / "release" / "conda" / "recipe.yaml"
-
-
-def test_the_version_and_the_checksum_of_an_archive_are_written_into_the_recipe():
-    text = conda_recipe.with_source(RECIPE.read_text(encoding="utf-8"), "1.2.3", b"archive")
-    recipe = yaml.safe_load(text)
-    assert recipe["context"]["version"] == "1.2.3"
-    assert recipe["source"]["sha256"] == hashlib.sha256(b"archive").hexdigest()
-    repository = owner.owner_facts()["repository"]
-    assert recipe["source"]["url"] == f"{repository}/archive/refs/tags/v${{{{ version }}}}.tar.gz"
-    assert "#" in text  # its comments stay
 
 
 def test_the_recipe_for_conda_requires_what_the_project_does():

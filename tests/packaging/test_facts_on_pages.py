@@ -7,16 +7,14 @@ figures.
 
 import re
 import runpy
-from collections import defaultdict
 
 import pytest
-from documentation_pages import PAGES, SPAN, linked_pages, prose
+from documentation_pages import PAGES, prose
 from paths import ROOT
-from project_sources import PACKAGES, PYPROJECT, tomllib, words_of_sources
-from times_and_transforms import transform
+from project_sources import PACKAGES, PYPROJECT, tomllib
 
 from release import prove
-from tf2_py import Explanation, _tf2_py, typing
+from tf2_py import _tf2_py, typing
 from tf2_ros import Buffer, StaticTransformBroadcaster, TransformBroadcaster, TransformListener
 from tf2_ros._qos import DYNAMIC_DEPTH, STATIC_DEPTH
 
@@ -43,7 +41,6 @@ CONFORMANCE = first_number(
 )
 
 MAKEFILES = [ROOT / "Makefile", ROOT / "tools" / "Makefile"]
-TOOLS_PAGES = [ROOT / "tools" / "README.md", *sorted((ROOT / "tools" / "docs").rglob("*.md"))]
 
 # What make says of its steps, in MB.
 INSTALLED = {
@@ -122,70 +119,6 @@ def test_a_page_says_of_lookups_what_all_lines_of_the_report_say(page):
     assert re.findall(r"[\d.,]+ (?:to [\d.,]+ )?times (?:as fast|faster)", text) == []
 
 
-def test_pages_and_make_give_the_same_time_for_a_target():
-    said = defaultdict(set)
-    for path in (*PAGES, *TOOLS_PAGES, *MAKEFILES):
-        text = path.read_text(encoding="utf-8")
-        for target, time in re.findall(
-            r"^ *make (\w[\w -]*?) {2,}.*?(\d+(?: to \d+)? minutes)", text, re.MULTILINE
-        ):
-            said[target].add(time)
-    assert {"demo", "test", "test-all"} <= said.keys()
-    assert {target: times for target, times in said.items() if len(times) > 1} == {}
-
-
-# The only pages that say how long make or a build takes, and how much is installed. The others link to them.
-WITH_TIMES = {"README.md", "CONTRIBUTING.md"}
-WITH_SIZES = {*WITH_TIMES, "docs/installing.md", "tools/README.md"}
-
-
-@pytest.mark.parametrize(("unit", "pages"), [("(?:minutes|hours)", WITH_TIMES), ("[MG]B", WITH_SIZES)])
-def test_the_figures_of_an_installation_are_in_one_place(unit, pages):
-    # The first release is its owner's work, whose times are estimates.
-    others = {*PAGES, *TOOLS_PAGES} - {ROOT / "docs" / "development" / "first-release.md"}
-    found = {
-        str(page.relative_to(ROOT))
-        for page in others
-        for paragraph in page.read_text(encoding="utf-8").split("\n\n")
-        if re.search(r"\b(?:install|compil|build)|\bmake ", paragraph)
-        and re.search(rf"\d {unit}\b", paragraph)
-    }
-    assert found == pages
-
-
-def projects():
-    """The distributions, with the files that state their versions."""
-    return {
-        CORE["name"]: ("pyproject.toml", "package.xml", "release/conda/recipe.yaml"),
-        TOOLS["name"]: ("tools/pyproject.toml", "tools/package.xml"),
-        f"{CORE['name']}-msgs-jazzy": ("messages/src/tf2_msgs/package.xml",),
-    }
-
-
-def test_the_table_of_versions_has_all_distributions_and_the_files_that_state_a_version():
-    page = (ROOT / "docs" / "development" / "release.md").read_text(encoding="utf-8")
-    table = page[page.index("| distribution |") :].partition("\n\n")[0]
-    spans = {one for one in SPAN.findall(table) if "." in one or one.startswith("tf2-ros")}
-    assert spans == {name for name, files in projects().items() for name in (name, *files)}
-    steps = (ROOT / "docs" / "development" / "first-release.md").read_text(encoding="utf-8")
-    assert {*re.findall(r"`(tf2-ros-[\w-]+)`", steps)} == {*projects()}
-    found = {
-        str(path.relative_to(ROOT))
-        for folder in (
-            ROOT,
-            ROOT / "tools",
-            ROOT / "messages",
-            ROOT / "messages/src/tf2_msgs",
-            ROOT / "release/conda",
-        )
-        for path in [*folder.glob("*.toml"), *folder.glob("package.xml"), *folder.glob("recipe.yaml")]
-        if re.search(
-            r'^version = "|<version>|^  version: "?\d', path.read_text(encoding="utf-8"), re.MULTILINE
-        )
-    }
-    assert found == {file for files in projects().values() for file in files}
-
-
 def extras_in(text):
     """The distribution, and the extra, of each requirement with extras in a text."""
     of = {"tf2-ros-tools": TOOLS, "./tools": TOOLS, "tf2-ros-cython": CORE, ".": CORE}
@@ -219,21 +152,6 @@ def test_an_extra_that_an_error_or_a_page_names_exists():
     named = [(path, *one) for path in paths for one in extras_in(path.read_text(encoding="utf-8"))]
     assert len({extra for _, extra, _ in named}) > 5
     assert [(str(path), extra) for path, extra, known in named if extra not in known] == []
-
-
-def test_getting_started_installs_the_extras_that_the_next_pages_name():
-    start = ROOT / "docs" / "getting-started.md"
-    commands = ROOT / "tools" / "docs"
-    pages = [*linked_pages(start), *(commands / "programs").glob("*.md"), commands / "recordings.md"]
-    named = {
-        extra
-        for page in pages
-        if page.suffix == ".md" and page.name not in ("README.md", "installing.md")
-        for extra in re.findall(r"\bextra(?:\]\([^)]*\))? `(\w+)`", " ".join(prose(page).split()))
-    }
-    installed = {extra for extra, _ in extras_in(start.read_text(encoding="utf-8"))}
-    assert named <= installed
-    assert {"bag", "plot"} <= named
 
 
 def test_every_extra_for_users_is_in_the_table_of_its_page():
@@ -274,21 +192,6 @@ def test_the_range_of_pythons_on_a_page_is_that_of_the_package(page):
     ranges = re.findall(r"Python (3\.\d+) to (3\.\d+)", " ".join(prose(page).split()))
     of_fuzzer = ("3.11", "3.13")  # atheris
     assert {*ranges} <= {(PYTHONS[0], PYTHONS[-1]), of_fuzzer}
-
-
-def test_the_path_of_a_transform_is_drawn_as_its_script_says_and_names_the_code():
-    figure = runpy.run_path(str(ROOT / "docs" / "data_path_figure.py"))
-    for name, has_names in figure["PICTURES"].items():
-        drawn = (ROOT / "docs" / "images" / name).read_text(encoding="utf-8")
-        assert drawn == figure["picture"](has_names), "python docs/data_path_figure.py"
-        names = re.findall(r'class="code">([^<]+)<', drawn)
-        assert bool(names) == has_names
-        assert set(re.findall(r"\w+", " ".join(names))) <= words_of_sources()
-
-
-def test_the_table_of_an_explanation_has_the_columns_that_notebooks_show():
-    heads = re.findall("<th>(.*?)</th>", Explanation(transform("map", "camera"), 0, [])._repr_html_())
-    assert f"| {' | '.join(heads)} |\n" in (ROOT / "docs" / "debugging.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -127,33 +127,6 @@ def test_ctrl_c_ends_a_step_and_all_its_processes(folder_with_pip):
     assert not (folder / ".venv" / "messages.stamp").exists()
 
 
-# A project whose build says how far it is.
-TELLING = """
-import os, pathlib
-
-def get_requires_for_build_editable(config_settings=None):
-    if "BUILD_PROGRESS" in os.environ:
-        with open(os.environ["BUILD_PROGRESS"], "a") as terminal:
-            print("  5 of 16: a module", file=terminal)
-    raise SystemExit("it does no more")
-
-def build_editable(*arguments):
-    pass
-
-build_wheel = build_editable
-"""
-
-
-@pytest.mark.parametrize("is_terminal", [True, False])
-def test_how_far_a_build_is_is_shown_on_a_terminal_only(folder_with_pip, is_terminal):
-    provide_project(folder_with_pip, "telling", TELLING)
-    command = ["make", ".venv/messages.stamp"]
-    on_terminal = [sys.executable, "-c", f"import pty; pty.spawn({command})"]
-    shown = run(*on_terminal if is_terminal else command, cwd=folder_with_pip, env=environment()).stdout
-    assert "it does no more" in shown
-    assert ("5 of 16: a module" in shown.splitlines()[1]) == is_terminal
-
-
 def group_lives(group):
     try:
         os.killpg(group, 0)

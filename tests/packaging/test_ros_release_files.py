@@ -17,55 +17,6 @@ sys.path.insert(0, str(ROOT))
 from release import changelog_rst  # noqa: E402
 
 REPOSITORY = "https://github.com/robots/tf2-ros-cython"
-ENTRIES = """# Changelog
-
-## Unreleased
-
-- Not yet.
-
-## 0.2.0, 2027-01-02
-
-### Added
-
-- `Buffer.open`, which maps a file; [frozen `Buffer`s](docs/files.md#open) of
-  other processes.
-
-### Fixed
-
-- **Waits** end: [issue 3](https://example.org/3).
-
-## 0.1.0, 2026-12-01
-
-The first version.
-"""
-
-
-def test_the_changelog_of_bloom_has_the_versions_of_ours():
-    text = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
-    assert text == changelog_rst.expected(), "run python -m release.changelog_rst"
-
-
-def test_a_version_becomes_a_section_without_subsections():
-    assert changelog_rst.converted(ENTRIES, REPOSITORY).splitlines()[3:] == [
-        "",
-        "0.2.0 (2027-01-02)",
-        "------------------",
-        "",
-        "Added:",
-        "",
-        "- ``Buffer.open``, which maps a file; "
-        "`frozen Buffers <https://github.com/robots/tf2-ros-cython/blob/main/docs/files.md#open>`__ of",
-        "  other processes.",
-        "",
-        "Fixed:",
-        "",
-        "- **Waits** end: `issue 3 <https://example.org/3>`__.",
-        "",
-        "0.1.0 (2026-12-01)",
-        "------------------",
-        "",
-        "The first version.",
-    ]
 
 
 def test_the_tools_of_ros_read_each_entry_of_the_changelog(tmp_path):

@@ -12,11 +12,6 @@ WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 TARGETS = set(re.findall(r"^([a-z][a-z -]*):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
 TARGETS = {target for line in TARGETS for target in line.split()}
 STEPS = set(re.findall(r"^\t\t([a-z-]+)\)", (ROOT / ".ci" / "run").read_text(encoding="utf-8"), re.MULTILINE))
-# What only GitHub can do.
-ACTIONS = {
-    *("actions/checkout", "actions/setup-python", "actions/upload-artifact", "actions/download-artifact"),
-    *("pypa/cibuildwheel", "pypa/gh-action-pypi-publish"),
-}
 
 
 def steps(workflow):
@@ -55,28 +50,3 @@ COMMANDS = [
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_workflow_runs_one_command_of_make_or_ci_run(command):
     assert is_rehearsed(command)
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        "pip install build",
-        "make test-all\nmake lint",
-        "make lint && echo done",
-        ".ci/run $STEP",
-        "make no-such-target",
-        ".ci/run no-such-step",
-        "make TAG=${{ github.ref_name }} release-check",
-    ],
-)
-def test_other_commands_are_refused(command):
-    assert not is_rehearsed(command)
-
-
-@pytest.mark.parametrize("workflow", WORKFLOWS, ids=lambda path: path.stem)
-def test_actions_are_known_and_have_a_release(workflow):
-    for step, _ in steps(workflow):
-        if "uses" in step:
-            action, _, release = step["uses"].partition("@")
-            assert action in ACTIONS
-            assert re.fullmatch(r"v\d+(\.\d+)*|release/v\d+|[0-9a-f]{40}", release)

@@ -31,9 +31,8 @@ PER_CORE = 2  # processes for whole suites, each of which needs 1 GB
 
 # Files and tests that cannot run here, and why.
 NOT_HERE = {
-    "tools/tests/packaging/test_docs.py": "builds the site, and takes hours",
-    "tools/tests/packaging/test_type_checkers.py": "runs only type checkers",
     "tests/packaging": "reads sources and pages, and builds the package; make fuzz runs its corpus",
+    "tools/tests/packaging": "the same",
     "tests/core/test_allocation_failures.py": "replaces the allocator, as a sanitizer does",
     "tests/core/test_refused_inserts.py::TestLogging::test_many_messages_share_the_lines_of_a_second": "a "
     "slow build does not finish within a second",

@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`tf2_monitor --web`: the page that it serves, and the processes that it starts for tabs."""
 
+import asyncio
 import os
 import signal
 import socket
 import sys
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.error import HTTPError
 
 import pytest
 from starting_programs import broadcasting, ended, free_port, running
@@ -21,6 +23,7 @@ from browsers import PlainTab, browser, needs_chromium, page_at
 from websockets.exceptions import InvalidStatus
 
 from tf2_ros_tools.common.optional_libraries import MissingLibraryError
+from tf2_ros_tools.pictures import monitor_page
 from tf2_ros_tools.programs import tf2_monitor
 
 
@@ -112,11 +115,74 @@ def test_a_page_of_another_site_is_refused(page):
         pass
 
 
-def test_a_page_is_the_same_by_any_address(page):
+@pytest.mark.parametrize("host", ["192.168.1.7:9000", "localhost:9000", "LOCALHOST", "[fd00::1]:9000"])
+def test_a_page_is_the_same_by_any_address(page, host):
     [_, url] = page
-    there = page_at(url, Host="laptop:9000")
-    assert 'src="http://laptop:9000/static/js/textual.js"' in there
-    assert 'data-session-websocket-url="ws://laptop:9000/ws"' in there
+    there = page_at(url, Host=host)
+    assert f'src="http://{host}/static/js/textual.js"' in there
+    assert f'data-session-websocket-url="ws://{host}/ws"' in there
+    assert "<title>tf2_monitor</title>" in there
+
+
+OTHER_NAMES = ["evil.example", "127.0.0.1.evil.example", "localhost.evil.example", "[::1", ""]
+
+
+@pytest.mark.parametrize("name", [*OTHER_NAMES, socket.gethostname()])
+def test_a_site_whose_name_leads_to_this_machine_is_refused(page, name):
+    [_, url] = page
+    headers = {"Host": f"{name}:9000", "Origin": f"http://{name}:9000"}
+    said = "is not a known name of this machine: use its IP address or localhost, or start tf2_monitor with"
+    for path in ("/", "/ws"):
+        with pytest.raises(HTTPError) as refused:
+            page_at(url + path, **headers)
+        with refused.value as answer:
+            text = answer.read().decode()
+        assert (refused.value.code, text) == (403, f"{name}:9000 {said} --web NAME:PORT")
+
+
+@pytest.mark.parametrize("is_loopback", [True, False])
+def test_names_that_are_served(is_loopback):
+    names = monitor_page._Names("Robot.Example", is_loopback)
+    host = socket.gethostname()
+    assert is_loopback or asyncio.run(names.include(socket.getfqdn()))
+    for name, served in (
+        *(
+            (given, True)
+            for given in ("robot.example", "ROBOT.example.:9000", "localhost:1", "1.2.3.4", "[::1]:1")
+        ),
+        *((own, not is_loopback) for own in (host, f"{host}.local:9000")),
+        *((other, False) for other in OTHER_NAMES),
+    ):
+        assert asyncio.run(names.include(name)) == served, name
+
+
+def test_what_is_not_for_it_is_one_line_at_most():
+    with served() as (server, url):
+        host, port = url.removeprefix("http://").split(":")
+        web_socket = f"GET /ws HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\n\r\n".encode()
+        for request in (b"\x16\x03\x01 TLS\r\n\r\n", b"GET / HTTP/1.1\r\n\r\n", web_socket):
+            with socket.create_connection((host, port)) as connection:
+                connection.sendall(request)
+                assert b" 400 Bad Request" in connection.recv(1000)
+        with PlainTab(url) as tab:
+            until(lambda: tabs_of(server))
+            tab.tell("resize", {})
+            until(lambda: not tabs_of(server))
+        server.send_signal(signal.SIGINT)
+        _, err = server.communicate(timeout=DEADLINE_S)
+    lines = err.splitlines()
+    assert lines[-1] == "A request was not served: KeyError('width')"
+    assert all(line.startswith("A request was not served: ") for line in lines)
+
+
+def test_a_tab_that_is_closed_while_it_starts_ends_without_starting(page):
+    server, url = page
+    until(lambda: not tabs_of(server))
+    with PlainTab(url):
+        [process] = until(lambda: tabs_of(server))
+        os.kill(int(process), signal.SIGSTOP)  # it cannot start
+    os.kill(int(process), signal.SIGCONT)
+    until(lambda: have_ended([process]))
 
 
 @pytest.mark.parametrize(

@@ -3,15 +3,23 @@
 """Serve the screen of tf2_monitor to web browsers; each tab runs its own process."""
 
 import asyncio
+import html
 import ipaddress
+import logging
 import os
+import signal
 import socket
+from contextlib import suppress
 from typing import cast
+from urllib.parse import urlsplit
 from weakref import WeakSet
 
 from aiohttp import web
-from textual_serve.server import Server
+from aiohttp.typedefs import Handler
+from textual_serve import server
+from textual_serve.app_service import AppService
 
+from tf2_py.printable import printable
 from tf2_ros_tools.common.output import show
 from tf2_ros_tools.common.program import RunError
 
@@ -44,16 +52,77 @@ def serve(host: str, port: int, command: str, title: str) -> None:
         if not own.is_loopback:
             show("Everybody who reaches this address can see the robot's frames: there is no password.")
         # Of Server.serve(), which makes its socket itself, nobody would learn when it can be reached.
-        app = _Page(command, title=title)._make_app()
+        app = _Page(command, title, _Names(host, own.is_loopback))._make_app()
+        for name in ("aiohttp.server", "textual-serve"):
+            logging.getLogger(name).addFilter(_shorten)
         web.run_app(app, sock=listening, handle_signals=False, print=None, access_log=None)
 
 
-class _Page(Server):
+def _shorten(record: logging.LogRecord) -> bool:
+    """Log in one line what a peer sent wrongly. A program that does not start says itself why."""
+    error, record.exc_info = record.exc_info and record.exc_info[1], None
+    record.msg, record.args = "A request was not served: %r", (error,)
+    return error is not None
+
+
+class _Names:
+    """
+    The names by which browsers may ask for the page, besides all IP addresses.
+
+    A site can have its own name lead to this machine, so that browsers take the page for one of that site and
+    let the site's scripts read it. It cannot have this machine's names.
+    """
+
+    def __init__(self, given: str, is_loopback: bool) -> None:
+        self._is_loopback = is_loopback
+        self._known = {"localhost", given.lower().rstrip(".")}
+        if not is_loopback:
+            host = socket.gethostname().lower()
+            self._known |= {host, f"{host}.local"}
+
+    async def include(self, host: str) -> bool:
+        """Whether the value of a Host header, with any port, has one of them."""
+        try:
+            name = (urlsplit(f"//{host}").hostname or "").rstrip(".")
+        except ValueError:
+            return False
+        try:
+            ipaddress.ip_address(name)
+        except ValueError:
+            # The full name is looked up only where needed, because that may take seconds.
+            return name in self._known or (
+                not self._is_loopback and name == (await asyncio.to_thread(socket.getfqdn)).lower()
+            )
+        return True
+
+
+class _Tab(AppService):
+    """The process of a tab. It ends with the tab also while it starts, when it does not read yet."""
+
+    async def stop(self) -> None:
+        if self._process is not None and self._process.returncode is None:
+            with suppress(ProcessLookupError):
+                os.kill(
+                    self._process.pid, signal.SIGTERM
+                )  # `terminate` would fetch the status of one that ended
+        await super().stop()
+
+
+server.AppService = _Tab  # type: ignore[attr-defined] # the only way, for all servers of this process
+
+
+class _Page(server.Server):
     """Serves browsers at any address by which they reach it, such as the end of an SSH tunnel."""
 
-    def __init__(self, command: str, title: str) -> None:
+    def __init__(self, command: str, title: str, names: _Names) -> None:
         super().__init__(command, title=title)
+        self._names = names
         self._tabs: WeakSet[asyncio.Task[web.WebSocketResponse]] = WeakSet()
+
+    async def _make_app(self) -> web.Application:
+        app = await super()._make_app()
+        app.middlewares.append(self._require_own_name)
+        return app
 
     async def on_startup(self, app: web.Application) -> None:
         """Print no banner."""
@@ -63,10 +132,17 @@ class _Page(Server):
         for tab in self._tabs:
             tab.cancel()
 
+    @web.middleware
+    async def _require_own_name(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        if not await self._names.include(request.host):
+            text = f"{printable(request.host)} is not a known name of this machine: use its IP address or "
+            raise web.HTTPForbidden(text=f"{text}localhost, or start tf2_monitor with --web NAME:PORT")
+        return await handler(request)
+
     async def handle_index(self, request: web.Request) -> web.Response:
         self.public_url = f"http://{request.host}"
         page = cast(web.Response, await super().handle_index(request))
-        page.text = f"{page.text}{TAKE_KEYS}"
+        page.text = f"{page.text}<title>{html.escape(self.title)}</title>{TAKE_KEYS}"
         page.headers["Content-Security-Policy"] = OWN_STYLES
         return page
 
@@ -74,6 +150,8 @@ class _Page(Server):
         # A browser lets any site connect to this machine, and says which site it is.
         if request.headers.get("Origin") != f"http://{request.host}":
             raise web.HTTPForbidden(text="only for the page of this server")
+        if not web.WebSocketResponse().can_prepare(request):
+            raise web.HTTPBadRequest(text="only for web sockets")
         tab = asyncio.create_task(super().handle_websocket(request))
         self._tabs.add(tab)
         return await tab

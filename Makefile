@@ -162,6 +162,7 @@ lint: $(VENV)/dev.stamp $(VENV)/test.stamp
 	@echo "Compiling for Cython's performance hints: half a minute"
 	$(PY) -m release.cython_hints $(PACKAGES)
 	$(PY) -m mypy $(PACKAGES) tools/tf2_ros_tools
+	$(PY) -m release.docstrings --check
 	$(VENV)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(VENV)/bin/zizmor --offline --quiet .github
 	$(VENV)/bin/reuse lint --lines

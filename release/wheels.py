@@ -126,7 +126,7 @@ def source_distributions(releases):
     for folder in (SCRATCH, DIST):
         shutil.rmtree(folder, ignore_errors=True)
     SCRATCH.mkdir(parents=True)
-    made = {"engine": _documented(_source_distribution(ROOT)), "tools": _source_distribution(TOOLS)}
+    made = {"engine": _source_distribution(ROOT), "tools": _source_distribution(TOOLS)}
     for name in releases:
         made[name] = _source_distribution(ROOT / "messages", f"--config-setting=ros={name}")
     return made
@@ -140,14 +140,6 @@ def _source_distribution(project, *options):
     DIST.mkdir(exist_ok=True)
     shutil.copy(made, DIST)
     return made
-
-
-def _documented(source):
-    """Unpack a source distribution; give its stubs the docstrings of the modules built here, for editors."""
-    shutil.unpack_archive(source, SCRATCH / "documented", filter="data")
-    [folder] = (SCRATCH / "documented").iterdir()
-    run([sys.executable, "-m", "docify", "--quiet", "--workers", "1", "--in-place", folder])
-    return folder
 
 
 def wheel(python, version, source):

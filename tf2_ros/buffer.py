@@ -23,7 +23,7 @@ from tf2_ros._wait.changes_iterator import Changes
 from tf2_ros._wait.futures import TransformFuture, WakingFuture, end_for
 from tf2_ros._wait.lookup_or_wait import Lookup
 from tf2_ros._wait.pending import ChangeSubscription
-from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface, with_docstrings_of_bases
+from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros_cython._ros_presence import HAS_ROS, absence
 
 if TYPE_CHECKING or HAS_ROS:
@@ -66,7 +66,6 @@ SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", 
 _OF_INIT = frozenset("registration _tf2_kept _tf2_sources srv jump_handle _tf2_node _tf2_clock".split())
 
 
-@with_docstrings_of_bases
 class Buffer(BufferCore, BufferInterface):
     """
     A history of recent transforms that answers where one frame is relative to another.
@@ -138,6 +137,24 @@ class Buffer(BufferCore, BufferInterface):
 
     @classmethod
     def open(cls: type[_Opened], path: str | PathLike[str], *, node: "Node | None" = None) -> _Opened:
+        """
+        Open a buffer that :meth:`~tf2_py.BufferCore.freeze` wrote; its answers are identical to the last bit.
+
+        The samples stay in the file, which is mapped into memory, so that all processes that open it share
+        them. It behaves like any other buffer: the first insert into a frame copies the samples of this
+        frame into memory of the process, and ``max_bytes`` limits only such memory. A pickle or copy of an
+        unchanged buffer opens the same file. ``__init__`` is not called.
+
+        All samples are checked first, 10 million in 0.3 s; unpickling does not check them again unless
+        the file has changed since.
+
+        :param path: the file. It must not be written to while it is mapped: if it shrinks, the process is
+            killed by SIGBUS. Replacing and deleting it are safe, except over a network.
+        :raises TypeError: ``path`` is not a path.
+        :raises FileNotFoundError, OSError: the file cannot be opened.
+        :raises ValueError: the file is not a frozen buffer, has another version of the format, or is damaged;
+            the text contains the file and, if possible, the frame and sample.
+        """
         if node is not None:
             _check_node(node)
         opened = super().open(path)
@@ -206,6 +223,38 @@ class Buffer(BufferCore, BufferInterface):
         timeout: DurationLike = NO_TIMEOUT,
         **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
+        """
+        Get the pose of ``source_frame`` in ``target_frame``, which converts data from source to target.
+
+        A point at p in ``source_frame`` is at R p + t in ``target_frame``: R and t are the rotation and the
+        translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
+        path have data. The default ``timeout`` does not wait.
+
+        :param target_frame: the frame into which the data is to be transformed.
+        :param source_frame: the frame that the data is in.
+        :param time: the time; 0 is the latest time for which all frames on the path have data. An int
+            is nanoseconds.
+        :param timeout: how long to wait for an answer, in steady time. A number is seconds. Zero or negative:
+            do not wait.
+        :param policy: options such as ``tolerance``, see :class:`tf2_ros.Buffer`. A
+            :class:`tf2_ros.BufferClient` accepts ``max_age``, as one duration.
+        :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
+            (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0. With a
+            ``tolerance``, the stamp is that of the oldest sample used, unless ``extrapolate`` is set.
+        :raises LookupException: a frame is unknown, or the tree contains a loop.
+        :raises ConnectivityException: the frames are in different trees.
+        :raises ExtrapolationException: a frame on the path has no data for the time, only data that is older
+            than ``max_age``, or a gap that is longer than ``max_gap``.
+        :raises InvalidArgumentException: a name is empty or begins with ``/``; raised without waiting.
+        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a duration.
+        :raises ValueError: a limit is negative, or of a frame that is unknown or not a child, or ``max_age``
+            is given for a time that is not 0, or to a buffer without a clock.
+
+        After a wait, the text of an error also says how long it took, or that a shutdown ended it.
+
+        >>> buffer.lookup_transform("base_link", "camera", 1_000_000_000, timeout=0.5).header.stamp.sec
+        1
+        """
         if timeout is NO_TIMEOUT and not policy:
             return self.lookup_transform_core(target_frame, source_frame, time)
         accepted = policy_of("lookup_transform", True, **policy)
@@ -223,6 +272,24 @@ class Buffer(BufferCore, BufferInterface):
             return_debug_tuple: bool = False,
             **policy: "Unpack[LookupPolicy]",
         ) -> bool | tuple[bool, str]:
+            """
+            Return whether :meth:`lookup_transform` would return a pose, and not raise.
+
+            ``Time()`` asks for the latest one. The default ``timeout`` does not wait.
+
+            :param return_debug_tuple: return ``(True, "")`` or ``(False, reason)`` instead of a bool. The
+                other arguments are those of :meth:`lookup_transform`.
+            :raises TypeError: an argument has the wrong type.
+            :raises ValueError: a name contains a NUL character, a time is NaT, or a limit in ``policy`` is
+                invalid.
+            :raises OverflowError: a time does not fit into a message.
+
+            A frame that is unknown or has no data, or an invalid name, is not an error: the answer is False.
+
+            >>> from tf2_ros import Buffer, Time
+            >>> Buffer().can_transform("base_link", "camera", Time())
+            False
+            """
             if timeout is NO_TIMEOUT and not policy:
                 can, reason = self.can_transform_core(target_frame, source_frame, time)
                 return (bool(can), reason) if return_debug_tuple else bool(can)
@@ -240,6 +307,21 @@ class Buffer(BufferCore, BufferInterface):
         timeout: DurationLike = NO_TIMEOUT,
         **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
+        """
+        Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``.
+
+        It converts data from the source to the target: a point at p in ``source_frame`` at ``source_time`` is
+        at R p + t in ``target_frame`` at ``target_time``, if ``fixed_frame`` does not move in between.
+        ``Time()``, which is 0, means the latest time. The default ``timeout`` does not wait.
+
+        The other arguments are those of :meth:`lookup_transform`, which raises the same.
+
+        :param target_time: the time in ``target_frame``; 0 is the latest time for which all frames on the
+            path between it and ``fixed_frame`` have data.
+        :param source_time: the time of the data; 0 as above, for the path between it and ``fixed_frame``.
+        :param fixed_frame: a frame that does not move between the two times.
+        :return: a ``TransformStamped``, stamped with the target's time.
+        """
         if timeout is NO_TIMEOUT and not policy:
             return self.lookup_transform_full_core(
                 target_frame, target_time, source_frame, source_time, fixed_frame
@@ -336,6 +418,20 @@ class Buffer(BufferCore, BufferInterface):
         timeout: DurationLike | None = None,
         **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
+        """
+        Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
+        converts data from the source to the target. Without ``timeout`` it waits forever.
+
+        :param timeout: how long to wait, in steady time. None: until the context is shut down. The other
+            arguments are those of :meth:`lookup_transform`.
+        :raises TimeoutException: it was not available in time, or not before the shutdown of the context; the
+            text says which, and the reason.
+        :raises InvalidArgumentException: a name is empty or begins with ``/``.
+        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a duration.
+
+        This is a coroutine for asyncio and for rclpy's executors. Give a callback of rclpy that awaits it a
+        ``ReentrantCallbackGroup``: in the node's default group, no other callback runs meanwhile.
+        """
         accepted = policy_of("lookup_transform_async", True, **policy)
         return await self.__answer(Lookup(target_frame, source_frame, time, policy=accepted), timeout)
 

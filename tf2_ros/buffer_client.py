@@ -42,7 +42,7 @@ from tf2_ros._sources import SHUT_DOWN
 from tf2_ros._wait.call_runners import call_queue_of
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.lookup_or_wait import warn_in_a_loop
-from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface, with_docstrings_of_bases
+from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros.buffer_server import CODES, GOAL_SERVICE, STATUS_TOPIC
 
 __all__ = [
@@ -344,7 +344,6 @@ class GoalSender:
             yield
 
 
-@with_docstrings_of_bases
 class BufferClient(BufferInterface):
     """
     Looks up transforms in the buffer of a buffer server.
@@ -414,6 +413,38 @@ class BufferClient(BufferInterface):
         timeout: DurationLike = NO_TIMEOUT,
         **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
+        """
+        Get the pose of ``source_frame`` in ``target_frame``, which converts data from source to target.
+
+        A point at p in ``source_frame`` is at R p + t in ``target_frame``: R and t are the rotation and the
+        translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
+        path have data. The default ``timeout`` does not wait.
+
+        :param target_frame: the frame into which the data is to be transformed.
+        :param source_frame: the frame that the data is in.
+        :param time: the time; 0 is the latest time for which all frames on the path have data. An int
+            is nanoseconds.
+        :param timeout: how long to wait for an answer, in steady time. A number is seconds. Zero or negative:
+            do not wait.
+        :param policy: options such as ``tolerance``, see :class:`tf2_ros.Buffer`. A
+            :class:`tf2_ros.BufferClient` accepts ``max_age``, as one duration.
+        :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
+            (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0. With a
+            ``tolerance``, the stamp is that of the oldest sample used, unless ``extrapolate`` is set.
+        :raises LookupException: a frame is unknown, or the tree contains a loop.
+        :raises ConnectivityException: the frames are in different trees.
+        :raises ExtrapolationException: a frame on the path has no data for the time, only data that is older
+            than ``max_age``, or a gap that is longer than ``max_gap``.
+        :raises InvalidArgumentException: a name is empty or begins with ``/``; raised without waiting.
+        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a duration.
+        :raises ValueError: a limit is negative, or of a frame that is unknown or not a child, or ``max_age``
+            is given for a time that is not 0, or to a buffer without a clock.
+
+        After a wait, the text of an error also says how long it took, or that a shutdown ended it.
+
+        >>> buffer.lookup_transform("base_link", "camera", 1_000_000_000, timeout=0.5).header.stamp.sec
+        1
+        """
         return self.__process_goal(_simple_goal(target_frame, source_frame, time, timeout), policy)
 
     def lookup_transform_full(
@@ -426,6 +457,21 @@ class BufferClient(BufferInterface):
         timeout: DurationLike = NO_TIMEOUT,
         **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
+        """
+        Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``.
+
+        It converts data from the source to the target: a point at p in ``source_frame`` at ``source_time`` is
+        at R p + t in ``target_frame`` at ``target_time``, if ``fixed_frame`` does not move in between.
+        ``Time()``, which is 0, means the latest time. The default ``timeout`` does not wait.
+
+        The other arguments are those of :meth:`lookup_transform`, which raises the same.
+
+        :param target_time: the time in ``target_frame``; 0 is the latest time for which all frames on the
+            path between it and ``fixed_frame`` have data.
+        :param source_time: the time of the data; 0 as above, for the path between it and ``fixed_frame``.
+        :param fixed_frame: a frame that does not move between the two times.
+        :return: a ``TransformStamped``, stamped with the target's time.
+        """
         goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
         return self.__process_goal(goal, policy)
 
@@ -438,6 +484,20 @@ class BufferClient(BufferInterface):
         timeout: DurationLike | None = None,
         **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
+        """
+        Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
+        converts data from the source to the target. Without ``timeout`` it waits forever.
+
+        :param timeout: how long to wait, in steady time. None: until the context is shut down. The other
+            arguments are those of :meth:`lookup_transform`.
+        :raises TimeoutException: it was not available in time, or not before the shutdown of the context; the
+            text says which, and the reason.
+        :raises InvalidArgumentException: a name is empty or begins with ``/``.
+        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a duration.
+
+        This is a coroutine for asyncio and for rclpy's executors. Give a callback of rclpy that awaits it a
+        ``ReentrantCallbackGroup``: in the node's default group, no other callback runs meanwhile.
+        """
         return await self._tf2_await(_simple_goal(target_frame, source_frame, time, timeout), policy)
 
     async def lookup_transform_full_async(

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Transform objects with the lookups of any buffer."""
 
-import inspect
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, overload
 
 import tf2_py as tf2
@@ -349,11 +348,12 @@ class BufferInterface:
         **policy: "Unpack[LookupPolicy]",
     ) -> bool | tuple[bool, str]:
         """
-        Return whether :meth:`lookup_transform` would return the pose of ``source_frame`` in ``target_frame``.
+        Return whether :meth:`lookup_transform` would return a pose, and not raise.
+
         ``Time()`` asks for the latest one. The default ``timeout`` does not wait.
 
-        :param return_debug_tuple: return ``(True, "")`` or ``(False, reason)`` instead of a bool. The other
-            arguments are those of :meth:`lookup_transform`.
+        :param return_debug_tuple: return ``(True, "")`` or ``(False, reason)`` instead of a bool. The
+            other arguments are those of :meth:`lookup_transform`.
         :raises TypeError: an argument has the wrong type.
         :raises ValueError: a name contains a NUL character, a time is NaT, or a limit in ``policy`` is
             invalid.
@@ -424,16 +424,6 @@ class BufferInterface:
         except TransformException as error:
             return False, str(error)
         return True, ""
-
-
-def with_docstrings_of_bases(cls: type[_Object]) -> type[_Object]:
-    """Copy docstrings from bases, where ``inspect.getdoc`` would find them, but ``__doc__`` would not."""
-    for name, member in vars(cls).items():
-        method = getattr(member, "__func__", member)  # of a class method
-        if inspect.isfunction(method) and method.__doc__ is None:
-            texts = [getattr(base, name).__doc__ for base in cls.__mro__ if hasattr(base, name)]
-            method.__doc__ = next(filter(None, texts), None)
-    return cls
 
 
 def _applied(

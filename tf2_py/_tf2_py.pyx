@@ -23,7 +23,7 @@ from libc.errno cimport ENOMEM, errno
 from libc.float cimport DBL_EPSILON
 from libc.stdint cimport INT64_MIN, SIZE_MAX
 from libc.string cimport strchr
-from posix.mman cimport MAP_FAILED, MAP_SHARED, PROT_READ, mmap
+from posix.mman cimport MADV_DONTNEED, MAP_FAILED, MAP_SHARED, PROT_READ, madvise, mmap
 
 import datetime
 import operator
@@ -429,8 +429,8 @@ cdef class BufferCore(Engine):
         frame into memory of the process, and ``max_bytes`` limits only such memory. A pickle or copy of an
         unchanged buffer opens the same file. ``__init__`` is not called.
 
-        All samples are checked first, 10 million in 0.3 s; unpickling does not check them again unless
-        the file has changed since.
+        The whole file is checked first, with its checksums: 10 million samples in 0.3 to 0.5 s. Unpickling
+        does not check the samples again unless the file has changed since.
 
         :param path: the file. It must not be written to while it is mapped: if it shrinks, the process is
             killed by SIGBUS. Replacing and deleting it are safe, except over a network.

@@ -106,7 +106,8 @@ class FrozenFile:
         return zlib.crc32(index)
 
     def renew_checksum(self):
-        """As if the index had been written like this."""
+        """As if it had been written like this."""
         size = self.header.index_bytes
         if HEADER.size <= size <= len(self.data) and size % LINE == 0:
+            self.change_header(samples_checksum=self.samples_checksum())
             self.change_header(checksum=self.index_checksum())

@@ -34,7 +34,7 @@ cdef struct FrozenHeader:
     uint32_t authority_count
     uint32_t reserved           # 0, as all that is reserved
     uint64_t sample_count       # of all frames
-    uint64_t samples_checksum   # zlib.crc32: tells files of the same index apart, not verified; 0 in a state
+    uint64_t samples_checksum   # zlib.crc32 of all behind the index
     uint64_t[5] reserved_line
 
 

@@ -98,6 +98,12 @@ cdef bytearray _index_of(const Tree* view, const NumberedFrames* frames, list na
     return index
 
 
+cdef object _samples_checksum(const FrozenHeader* header):
+    # Of all lines behind a whole index.
+    cdef char* lines = <char*>header + header.index_bytes
+    return zlib.crc32(PyMemoryView_FromMemory(lines, header.file_bytes - header.index_bytes, PyBUF_READ))
+
+
 cdef object _index_checksum(const FrozenHeader* header):
     # Of a whole index, with 0 in place of the checksum itself.
     index = PyMemoryView_FromMemory(<char*>header, header.index_bytes, PyBUF_READ)
@@ -174,16 +180,18 @@ cdef int _write_file(const Tree* view, const FrameId* ids, bytearray index, file
 
 
 cdef bytes _image(const Tree* view, const FrameId* ids, bytearray index):
+    cdef uint64_t index_bytes = len(index)
     cdef FrozenHeader* header = <FrozenHeader*>PyByteArray_AS_STRING(index)
     cdef bytes image = PyBytes_FromStringAndSize(NULL, header.file_bytes)
-    cdef char* start = PyBytes_AS_STRING(image)
     cdef Place next
     next.frame = next.line = 0
-    header.checksum = _index_checksum(header)
+    memcpy(PyBytes_AS_STRING(image), header, index_bytes)
+    header = <FrozenHeader*>PyBytes_AS_STRING(image)
     with nogil:
-        memcpy(start, header, header.index_bytes)
-        _copy_lines(view, ids, &next, start + header.index_bytes,
-                    (header.file_bytes - header.index_bytes) // LINE_BYTES)
+        _copy_lines(view, ids, &next, <char*>header + index_bytes,
+                    (header.file_bytes - index_bytes) // LINE_BYTES)
+    header.samples_checksum = _samples_checksum(header)
+    header.checksum = _index_checksum(header)
     return image
 
 
@@ -255,13 +263,20 @@ cdef int _require_index(str path, const FrozenHeader* header, size_t file_bytes)
 
 cdef int _read_tree(str path, const FrozenHeader* header, FileMapping* mapping, bint checks_samples,
                     Tree* tree) except -1:
-    # As frozen_read. If it raises, there is no tree.
+    # As frozen_read, and with the checksum of the samples. If it raises, there is no tree.
     cdef FrozenProblem problem
     with nogil:
         problem = frozen_read(header, mapping, checks_samples, tree)
-        if problem.text != NULL:
+    try:
+        _require_sound(path, header, problem)
+        # After all else, because other errors name the frame and the sample.
+        if checks_samples and header.samples_checksum != _samples_checksum(header):
+            raise _damaged(path, "the checksum of its samples is wrong")
+    except BaseException:
+        with nogil:
             tree_free(tree)
-    return _require_sound(path, header, problem)
+        raise
+    return 0
 
 
 cdef int read_image(image, Tree* tree) except -1:
@@ -342,6 +357,9 @@ cdef object read_frozen(path, expected, Tree* tree):
             text = "it has changed since the buffer was pickled or copied"
             raise ValueError(f"{printable(name)}: {text}")
         _read_tree(name, header, mapping, checks_samples, tree)
+        if checks_samples:
+            # What the checks have read need not stay in the process: lookups map what they read anew.
+            madvise(mapping.start, mapping.size, MADV_DONTNEED)
         return found
     finally:
         mapping_release(mapping)

@@ -23,7 +23,7 @@ _path = Path(_folder.name, "frozen.tf2")
 
 
 def run(data: bytes) -> None:
-    """Read bytes as they are, and with the right size and checksum, which a fuzzer cannot find."""
+    """Read bytes as they are, and with the right size and checksums, which a fuzzer cannot find."""
     _read(data)
     if len(data) >= HEADER.size:
         file = FrozenFile(data)

@@ -46,6 +46,7 @@ class _Statistics(TypedDict):
     refused: dict[str, int]
     frames: int
     samples: int
+    displaced: int
     bytes: int
     waiters: int
     malformed_messages: int

@@ -113,7 +113,8 @@ cdef class BufferCore(Engine):
     :raises ValueError: ``cache_time`` is negative, or a limit is not above 0.
     :raises OverflowError: ``cache_time`` does not fit into 64-bit nanoseconds.
 
-    Transforms that would exceed a limit are refused, counted and logged; the others stay available. The
+    Transforms that would exceed a limit are refused, counted and logged; the others stay available. But where
+    a frame has samples, its oldest makes room for a later one, which is counted and logged, too. The
     environment variables ``TF2_ROS_CYTHON_MAX_FRAMES`` and ``TF2_ROS_CYTHON_MAX_BYTES`` set
     other defaults.
 
@@ -1253,7 +1254,8 @@ cdef class BufferCore(Engine):
         Count what this buffer has done, and what it contains.
 
         :return: a dict of numbers: transforms ``taken``, and ``refused`` by reason (a dict); ``frames`` and
-            ``samples``, and the ``bytes`` allocated for them; pending ``waiters``; ``malformed_messages``.
+            ``samples``, and the ``bytes`` allocated for them; samples ``displaced`` because of ``max_bytes``;
+            pending ``waiters``; ``malformed_messages``.
         """
         return self.counts()
 

@@ -182,6 +182,57 @@ TestBufferAndModel.settings = settings(
 )
 
 
+# Where memory ends.
+
+
+def full_pair(dice, cache_ns):
+    """Both have a sample of each frame, and the buffer has little memory for more."""
+    links = [(FRAMES[i - 1], FRAMES[i], 1, 0, 0) for i in range(len(FRAMES))]
+    pair = Pair(cache_ns)
+    pair.insert("set", links, "first")
+    room = dice.choice((0, 300, 1000, 5000))
+    pair = Pair(cache_ns, max_bytes=pair.buffer.statistics()["bytes"] + room)
+    pair.insert("set", links, "first")
+    return pair
+
+
+def random_link(dice, child, now):
+    parent = dice.choice([name for name in FRAMES if name != child] if dice.random() < 0.2 else ["a", "b"])
+    ns = now - (dice.randrange(40) * 1000 if dice.random() < 0.3 else 0)
+    return (parent, child, max(0, ns), dice.randrange(GOOD_PLACES), dice.randrange(GOOD_TURNS))
+
+
+def displaced_at_random(dice, cache_ns):
+    """How many samples were displaced in random steps."""
+    pair, now = full_pair(dice, cache_ns), 10_000
+    for step in range(600):
+        now += dice.choice((0, 1000, 1000, 3000))
+        child, choice = dice.choice("cccde"), dice.random()
+        if choice < 0.01:
+            pair.forget(child)
+        elif choice < 0.012:
+            pair.clear()
+        elif choice < 0.08:
+            links = [random_link(dice, child, now) for _ in range(dice.randint(1, 6))]
+            pair.replace_where_memory_ends(links, "first")
+        else:
+            pair.insert_where_memory_ends(random_link(dice, child, now), "first", static=choice < 0.09)
+        if step % 20 == 0:
+            pair.buffer._self_check()
+            pair.listings()
+            pair.histories()
+    ask(pair, dice)
+    return pair.buffer.statistics()["displaced"]
+
+
+@pytest.mark.repeated
+@pytest.mark.parametrize("cache_ns", [40_000, 2**62])
+def test_where_memory_ends_the_oldest_sample_of_a_frame_makes_room(cache_ns):
+    runs = range(random_runs.times(4, 100))
+    dice = [random.Random(f"{random_runs.first_seed()} {cache_ns} {run}") for run in runs]
+    assert sum(map(displaced_at_random, dice, [cache_ns] * len(runs))) > len(runs)
+
+
 # Small trees, in which frames loop, change their parents and become static.
 
 pairs_of_frames = st.sampled_from(list(itertools.permutations(FRAMES, 2)))

@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The limits of what a buffer holds: frames, bytes, authorities, samples of one stamp, time."""
 
+import re
+
 import pytest
+from interposed_libraries import output_with_library
 from messages_with_or_without_ros import Duration
-from times_and_transforms import at, transform, translation
+from times_and_transforms import S, at, transform, translation
 
 from tf2_py import BufferCore
 
@@ -34,16 +37,40 @@ class TestLimits:
 
     def test_of_the_bytes_of_samples(self):
         buffer = with_pose(max_bytes=100_000)
-        samples = [transform("map", "base", ns=10**9 + i) for i in range(1, 5000)]
-        taken = sum(buffer.set_transforms([one], "test") for one in samples)
+        for i in range(1, 5000):
+            assert buffer.set_transforms([transform("map", "base", ns=S + i)], "test") == 1
+            assert buffer.frames()["base"].newest_ns == S + i
         statistics = buffer.statistics()
-        assert 500 < taken < 2000
-        assert statistics["refused"]["too_many_bytes"] == 4999 - taken
+        assert 500 < statistics["samples"] == 5000 - statistics["displaced"] < 2000
         assert statistics["bytes"] <= 100_000
-        assert answers(buffer)
-        # Time goes on: what is too old makes room.
-        buffer.set_transform(transform("map", "base", 30), "test")
-        assert answers(buffer, 30)
+        assert answers(buffer, 1.000004)
+        oldest_ns = buffer.frames()["base"].oldest_ns
+        buffer.set_transform(transform("map", "base", ns=oldest_ns + 5, xyz=(1, 0, 0)), "late")
+        assert translation(buffer.lookup_transform_core("map", "base", oldest_ns + 5))[0] == 1
+        assert buffer.frames()["base"].oldest_ns == oldest_ns + 1
+        assert buffer.set_transforms([transform("map", "base", ns=oldest_ns)], "older than all") == 0
+        assert buffer.statistics()["refused"]["too_many_bytes"] == 1
+        assert answers(buffer, 1.000004)
+
+    def test_of_bytes_that_other_frames_have_reached(self):
+        buffer = with_pose(max_bytes=200_000)
+        names = [f"{i} " + 100 * "x" for i in range(2000)]
+        taken = buffer.set_transforms([transform("map", name) for name in names], "other", True)
+        assert buffer.statistics()["refused"]["too_many_bytes"] == 2000 - taken > 0
+        for i in range(1, 500):
+            assert buffer.set_transforms([transform("map", "base", ns=S + i)], "test") == 1
+            assert buffer.frames()["base"].newest_ns == S + i
+        assert buffer.frames()["base"].count == 8
+        assert answers(buffer, 1.000000499)
+
+    def test_of_bytes_is_logged_once_and_then_every_ten_minutes(self, tmp_path):
+        where = {"program": "full_buffer_for_an_hour", "RCUTILS_LOGGING_USE_STDOUT": "1"}
+        lines = output_with_library("time_of_day", tmp_path, **where).splitlines()
+        text = "has reached max_bytes, 20000 bytes: each new transform displaces the oldest one of its frame"
+        assert all(text in line for line in lines)
+        counts = [int(re.search(r"(\d+) so far", line)[1]) for line in lines]
+        assert counts == [1 + 600 * i for i in range(len(lines))]
+        assert len(lines) == 6
 
     def test_of_the_bytes_of_names(self):
         buffer = with_pose(max_bytes=100_000)

@@ -49,7 +49,9 @@ def test_a_copy_has_room_for_as_many_samples_as_its_buffer(samples):
     buffer = of_samples(max_bytes=of_samples().statistics()["bytes"])
     copied = pickle.loads(pickle.dumps(buffer))
     later = [transform("map", "base", ns=1000 + i) for i in range(100)]
-    assert copied.set_transforms(later, "x") == buffer.set_transforms(later, "x") < 100
+    assert copied.set_transforms(later, "x") == buffer.set_transforms(later, "x") == 100
+    assert copied.histories()["base"].stamps_ns.tolist() == buffer.histories()["base"].stamps_ns.tolist()
+    assert buffer.statistics()["samples"] < samples + 100
 
 
 def test_a_buffer_made_by_new_alone_arrives(travel):

@@ -162,8 +162,8 @@ class SetClock:
 class Pair:
     """A buffer and a model that receive the same transforms."""
 
-    def __init__(self):
-        self.buffer, self.model = Buffer(Duration(nanoseconds=10)), Model(10)
+    def __init__(self, cache_ns=10, **limits):
+        self.buffer, self.model = Buffer(Duration(nanoseconds=cache_ns), **limits), Model(cache_ns)
         self.saved = None  # a state of the buffer, and the model of that moment
         self.shown_ns = 0  # by the last clock that was read
         self.set_clock(45)
@@ -212,6 +212,32 @@ class Pair:
             assert self.buffer.set_transform(messages[0], authority, replace=True) is None
         else:
             assert self.buffer.set_transforms(messages, authority, static, replace=True) == taken
+
+    def insert_where_memory_ends(self, link, authority, static=False):
+        """As insert, of one link between known names; the buffer tells the model that it is full."""
+        parent, child, ns, x, turn = link
+        was = self.limited()
+        taken = self.buffer.set_transforms([message(link)], authority, static)
+        is_full = self.limited() != was
+        assert taken == self.model.insert(
+            parent, child, ns, place(x), TURNS[turn], authority, static, is_full
+        )
+
+    def replace_where_memory_ends(self, links, authority):
+        """As insert_where_memory_ends, of the links of one frame in one call of replace."""
+        given = [(parent, child, ns, place(x), TURNS[turn]) for parent, child, ns, x, turn in links]
+        was_displaced, was_refused = self.limited()
+        taken = self.buffer.set_transforms(list(map(message, links)), authority, replace=True)
+        displaced, refused = self.limited()
+        if refused > was_refused:
+            self.model.refuse_all(given, "too_many_bytes")
+        else:
+            assert self.model.replace(given, authority, displaced=displaced - was_displaced) == taken
+
+    def limited(self):
+        """How many samples were displaced and refused, because memory ended."""
+        statistics = self.buffer.statistics()
+        return statistics["displaced"], statistics["refused"]["too_many_bytes"]
 
     def clear(self):
         self.buffer.clear()
@@ -280,7 +306,7 @@ class Pair:
     def listings(self):
         buffer, model = self.buffer, self.model
         statistics = buffer.statistics()
-        counted = {name: statistics[name] for name in ("taken", "frames", "samples")}
+        counted = {name: statistics[name] for name in ("taken", "frames", "samples", "displaced")}
         counted["refused"] = {reason: count for reason, count in statistics["refused"].items() if count}
         dot = buffer._allFramesAsDot()
         pairs = {

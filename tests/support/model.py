@@ -53,6 +53,7 @@ REASONS = (
     "reserved_frame_id",
     "old_data",
     "stamp_too_late",
+    "too_many_bytes",
     "other_kind",
     "replaced_together",
 )
@@ -180,14 +181,14 @@ class Model(Listings, Policies, Explanations):
         self.hidden = set()  # those that nothing mentions since a frame was forgotten
         self.frames = {}  # by name; those that were ever a child
         self.authorities = {}
-        self.taken = 0
+        self.taken = self.displaced = 0
         self.refused = dict.fromkeys(REASONS, 0)
         self._found = {}  # what data_at() answered since the last change
 
     # Inserting.
 
-    def insert(self, parent, child, ns, xyz, xyzw, authority, static=False):
-        """Whether it is taken."""
+    def insert(self, parent, child, ns, xyz, xyzw, authority, static=False, is_full=False):
+        """Whether it is taken. If the buffer is full, it has no memory for another sample; all names are known."""
         self._found.clear()
         parent, child = parent.removeprefix("/"), child.removeprefix("/")
         wrong = self._wrong(parent, child, ns, xyz, xyzw)
@@ -196,28 +197,37 @@ class Model(Listings, Policies, Explanations):
             return False
         self._name(child)
         frame = self.frames.get(child)
-        if frame is None or frame.static != static:
-            frame = self.frames[child] = Frame(static)
         self._name(parent)
+        if frame is None or frame.static != static:
+            if is_full:
+                self._refuse(["too_many_bytes"])
+                return False
+            frame = self.frames[child] = Frame(static)
         sample = self._sample(parent, ns, xyz, xyzw)
         if static:
             frame.samples = [sample]
-        elif not self._insert_dynamic(frame, sample):
-            self._refuse(["old_data"])
+        elif why := self._insert_dynamic(frame, sample, is_full):
+            self._refuse([why])
             return False
         self.authorities[child] = authority
         self.taken += 1
         return True
 
-    def replace(self, links, authority, static=False):
-        """How many are taken of some (parent, child, ns, xyz, xyzw), which replace what lies between them."""
+    def replace(self, links, authority, static=False, displaced=0):
+        """
+        How many are taken of some (parent, child, ns, xyz, xyzw), which replace what lies between them; and
+        ``displaced`` of the samples before them make room.
+        """
         self._found.clear()
         by_child = {}
         for parent, child, *rest in links:
             by_child.setdefault(child.removeprefix("/"), []).append((parent.removeprefix("/"), *rest))
-        return sum(self._replace(child, given, authority, static) for child, given in by_child.items())
+        self.displaced += displaced
+        return sum(
+            self._replace(child, given, authority, static, displaced) for child, given in by_child.items()
+        )
 
-    def _replace(self, child, given, authority, static):
+    def _replace(self, child, given, authority, static, displaced):
         wrong = [self._wrong(parent, child, *rest) for parent, *rest in given]
         if not any(wrong) and self._is_of_other_kind(self.frames.get(child), static):
             wrong = [["other_kind"]] * len(given)  # before the names become known
@@ -242,6 +252,8 @@ class Model(Listings, Policies, Explanations):
             frame.samples = sorted(kept + [*samples.values()], key=lambda one: one[0])
             oldest_kept = frame.newest_ns() - self.cache_ns
             frame.samples = [one for one in frame.samples if one[0] >= oldest_kept]
+            assert all(one[0] < first for one in frame.samples[:displaced])
+            frame.samples = frame.samples[displaced:]
         self.authorities[child] = authority
         self.taken += len(given)
         return len(given)
@@ -256,6 +268,13 @@ class Model(Listings, Policies, Explanations):
         has_some = frame is not None and frame.samples
         newest_ns = max(given[-1][1], frame.newest_ns() if has_some else 0)
         return [["old_data"] if one[1] < newest_ns - self.cache_ns else [] for one in given]
+
+    def refuse_all(self, links, reason):
+        """Their names become known."""
+        for parent, child, *_ in links:
+            self._name(child)
+            self._name(parent)
+            self._refuse([reason])
 
     def _refuse(self, reasons):
         for reason in reasons:
@@ -291,21 +310,25 @@ class Model(Listings, Policies, Explanations):
         if name not in self.order:
             self.order.append(name)
 
-    def _insert_dynamic(self, frame, sample):
+    def _insert_dynamic(self, frame, sample, is_full):
+        """Why it is refused, or None."""
         oldest_kept = frame.newest_ns() - self.cache_ns
         frame.samples = [kept for kept in frame.samples if kept[0] >= oldest_kept]
         ns = sample[0]
         if frame.samples and ns < oldest_kept:
-            return False
+            return "old_data"
         before = [kept for kept in frame.samples if kept[0] < ns]
         same = [kept for kept in frame.samples if kept[0] == ns]
         after = [kept for kept in frame.samples if kept[0] > ns]
+        if is_full and not before + same:
+            return "too_many_bytes"
         if sample not in same:
             if len(same) >= MOST_OF_ONE_STAMP:
                 same.pop()
             same.append(sample)
-        frame.samples = before + same + after
-        return True
+        frame.samples = (before + same + after)[is_full:]
+        self.displaced += is_full
+        return None
 
     def clear(self):
         self._found.clear()
@@ -334,7 +357,7 @@ class Model(Listings, Policies, Explanations):
         parents = {sample[1] for frame in self.frames.values() for sample in frame.samples}
         self.order = [name for name in self.order if name in parents or name in self.frames]
         self.hidden = set()
-        self.taken = sum(len(frame.samples) for frame in self.frames.values())
+        self.taken, self.displaced = sum(len(frame.samples) for frame in self.frames.values()), 0
         self.refused = dict.fromkeys(REASONS, 0)
 
     # Names.

@@ -17,6 +17,7 @@ class Listings:
             "refused": {reason: count for reason, count in self.refused.items() if count},
             "frames": len(self.names),
             "samples": sum(len(frame.samples) for frame in self.frames.values()),
+            "displaced": self.displaced,
         }
 
     def infos(self):

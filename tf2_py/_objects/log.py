@@ -109,6 +109,14 @@ def not_logged(count: int) -> None:
     logger().warning(f"{count} more refused transform{were} not logged; statistics() counts all")
 
 
+def displaced(count: int, max_bytes: int) -> None:
+    """Log that histories are shorter than the cache time."""
+    logger().warning(
+        f"The buffer has reached max_bytes, {max_bytes} bytes: each new transform displaces the oldest one of"
+        f" its frame, {count} so far. Raise max_bytes, or lower cache_time"
+    )
+
+
 def malformed(what: str, error: str) -> None:
     """Log one message that could not be read."""
     logger("tf2_ros").error(f"Ignoring a malformed message on {what}: {error}")

@@ -19,6 +19,7 @@ cdef void batch_begin(Batch* batch) noexcept nogil:
     batch.done = batch.taken = batch.refused = batch.unnormalized = 0
     batch.no_memory = batch.needs_report = False
     batch.in_1970_ns = 0
+    batch.displaced = 0
     batch.problem = NULL
     links_init(&batch.ready)
 

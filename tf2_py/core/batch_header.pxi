@@ -22,6 +22,7 @@ cdef struct Batch:
     bint no_memory              # outcome: memory ran out, and the rest was dropped
     Link ready                  # outcome: waiters that have an answer which must still be delivered
     int64_t in_1970_ns          # outcome: the time of a wait that asks_for_1970; 0: of none
+    uint64_t displaced          # outcome: how many samples the tree has displaced, to be logged; 0: it is not
     bint needs_report           # outcome: there is something to log, or an answer to deliver
     char* names                 # memory of batch_prefix
     size_t names_capacity       # bytes

@@ -120,8 +120,9 @@ cdef HistoryInsert _history_reserve_one(History* history, bint at_the_end,
     # One that was mapped may be smaller than that.
     capacity = max(capacity, <uint32_t>FIRST_CAPACITY)
     outcome = _move(history, min(capacity, <uint32_t>LAST_CAPACITY), growth_limit)
-    if outcome == HISTORY_FULL and history.count < history.capacity:
-        outcome = _move(history, max(history.capacity, <uint32_t>FIRST_CAPACITY), growth_limit)
+    capacity = max(history.capacity, <uint32_t>FIRST_CAPACITY)
+    if outcome == HISTORY_FULL and history.count < capacity:
+        outcome = _move(history, capacity, growth_limit)
     return outcome
 
 
@@ -418,6 +419,7 @@ cdef inline void _clear_change(HistoryChange* change) noexcept nogil:
     change.covered.first = INT64_MAX
     change.covered.last = INT64_MIN
     change.moved = 0
+    change.displaced = False
 
 
 cdef HistoryInsert history_begin(const History* old, HistoryKind kind, uint32_t capacity, size_t growth_limit,
@@ -452,19 +454,35 @@ cdef HistoryInsert _change_kind(History* history, HistoryKind kind, uint32_t cap
     return outcome
 
 
+cdef inline void _drop_oldest(History* history, uint32_t dropped) noexcept nogil:
+    # Fewer than there are.
+    cdef uint32_t i
+    for i in range(dropped if history.parent_changes else 0):
+        history.parent_changes -= history_parent_of(history, i) != history_parent_of(history, i + 1)
+    history.head = _history_slot(history, dropped)
+    history.count -= dropped
+    history.oldest_ns = history.stamps[history.head]
+
+
 cdef void _prune(History* history, int64_t horizon_ns) noexcept nogil:
     # Drop all samples older than that, except for the newest one.
-    cdef uint32_t pruned, i
+    cdef uint32_t pruned
     if history.count < 2 or history.oldest_ns >= horizon_ns:
         return
     pruned = 1      # which is what most inserts leave behind
     if history_stamp_of(history, 1) < horizon_ns:
         pruned = min(history_first_after(history, horizon_ns - 1), history.count - 1)
-    for i in range(pruned if history.parent_changes else 0):
-        history.parent_changes -= history_parent_of(history, i) != history_parent_of(history, i + 1)
-    history.head = _history_slot(history, pruned)
-    history.count -= pruned
-    history.oldest_ns = history.stamps[history.head]
+    _drop_oldest(history, pruned)
+
+
+cdef HistoryInsert _displace_oldest(History* history, size_t growth_limit) noexcept nogil:
+    # Makes room in a full ring that cannot grow. Returns the same as _move.
+    cdef HistoryInsert outcome = HISTORY_INSERTED
+    if _history_is_pinned(history):
+        outcome = _move(history, max(history.capacity, <uint32_t>FIRST_CAPACITY), growth_limit)
+    if outcome == HISTORY_INSERTED:
+        _drop_oldest(history, 1)
+    return outcome
 
 
 cdef inline bint _same(const Sample* a, const Sample* b) noexcept nogil:
@@ -539,11 +557,11 @@ cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Samp
             _replace_last_of_stamp(history, index - 1, sample)
         return outcome
     outcome = _history_reserve_one(history, index == history.count, growth_limit)
-    if outcome == HISTORY_FULL and index == history.count:
-        # Prune now what the next insert would prune, because without memory there would be no next insert.
-        _prune(history, history_horizon(history, retention, stamp_ns))
-        index = history.count
-        outcome = _history_reserve_one(history, True, growth_limit)
+    if outcome == HISTORY_FULL and index > 0:
+        # The frame stays current. One that is older than all others would itself be the oldest.
+        change.displaced = True
+        outcome = _displace_oldest(history, growth_limit)
+        index -= 1
     if outcome != HISTORY_INSERTED:
         return outcome
     if index == 0 or index == history.count:

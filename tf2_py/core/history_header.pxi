@@ -119,7 +119,7 @@ cdef enum HistoryInsert:
     HISTORY_DUPLICATE
     HISTORY_TOO_OLD
     HISTORY_NO_MEMORY
-    HISTORY_FULL              # the memory would have to grow by more than the limit allows
+    HISTORY_FULL            # the memory would have to grow by more than the limit allows
 
 # Zero a History before its first use; history_free zeroes it again except for what the tree writes.
 cdef void history_free(History* history) noexcept nogil
@@ -238,6 +238,7 @@ cdef struct HistoryChange:
     # What an insert has changed.
     TimeRange covered       # times that have samples around them only since this insert; may be too large
     uint32_t moved          # samples copied to other slots
+    bint displaced          # if inserted: the oldest sample has made room
 
 
 cdef struct Retention:

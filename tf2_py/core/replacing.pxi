@@ -143,7 +143,8 @@ cdef HistoryInsert _build_static(Replacing* replacing, Replacement* one, const H
 
 cdef HistoryInsert _build_dynamic(Replacing* replacing, Replacement* one, const History* old,
                                   const Batch* batch, int64_t horizon_ns, size_t growth_limit) noexcept nogil:
-    # The old samples from `oldest` on and before `first`, and those from `after` on remain.
+    # The old samples from `oldest` on and before `first`, and those from `after` on remain; but where memory
+    # ends, the oldest make room.
     cdef const Given* given = replacing.given
     cdef uint32_t oldest = history_first_after(old, horizon_ns - 1)
     cdef uint32_t first = history_first_after(old, given[one.first].stamp_ns - 1)
@@ -151,15 +152,20 @@ cdef HistoryInsert _build_dynamic(Replacing* replacing, Replacement* one, const 
     cdef size_t needed = first - oldest + (old.count - after)
     cdef HistoryInsert outcome
     cdef Sample sample
-    cdef uint32_t index
+    cdef uint32_t index, capacity
     cdef size_t i
     for i in range(one.first, one.end):
         needed += _counts(replacing, one, i)
     if needed > LAST_CAPACITY:
         return HISTORY_FULL
     # Not less than before, so that the next inserts need not move them again.
-    needed = max(needed, max(<size_t>old.capacity, <size_t>FIRST_CAPACITY))
-    outcome = history_begin(old, HISTORY_DYNAMIC, <uint32_t>needed, growth_limit, &one.history)
+    capacity = max(old.capacity, <uint32_t>FIRST_CAPACITY)
+    outcome = history_begin(
+        old, HISTORY_DYNAMIC, max(<uint32_t>needed, capacity), growth_limit, &one.history)
+    if outcome == HISTORY_FULL and capacity < needed <= capacity + (first - oldest):
+        one.displaced = needed - capacity
+        oldest += <uint32_t>one.displaced
+        outcome = history_begin(old, HISTORY_DYNAMIC, capacity, growth_limit, &one.history)
     if outcome != HISTORY_INSERTED:
         return outcome
     for index in range(oldest, first):
@@ -212,6 +218,7 @@ cdef void _exchange(Replacement* one, Tree* tree, uint32_t authority) noexcept n
     one.history = old
     history.authority = authority
     tree.samples += history.count - <uint64_t>old.count
+    tree.displaced += one.displaced
     tree.parents[one.frame] = history_newest_parent(history)
     if history.parent_changes:
         tree.parents[one.frame] |= MIXED_PARENTS

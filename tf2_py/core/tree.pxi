@@ -198,6 +198,7 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     # In any case, the history may have been pruned.
     tree.parents[child] = history_newest_parent(history) | (MIXED_PARENTS if history.parent_changes else 0)
     if outcome == HISTORY_INSERTED or outcome == HISTORY_DUPLICATE:
+        tree.displaced += changed.displaced
         tree.histories[parent].is_parent = True
         history.authority = authority
         tree.taken += 1
@@ -417,4 +418,6 @@ cdef const char* tree_check(const Tree* tree) noexcept nogil:
         return "samples or their bytes miscounted"
     if hidden != tree.hidden:
         return "hidden frames miscounted"
+    if tree.displaced > tree.taken or samples > tree.taken - tree.displaced:
+        return "more samples, held and displaced, than were accepted"
     return NULL

@@ -8,7 +8,7 @@ cdef enum:
 
 
 cdef struct Limits:
-    # Anything that would exceed a limit is refused; nothing is dropped.
+    # What would exceed a limit is refused; but in a frame that has samples, the oldest makes room for another.
     uint32_t frames         # names
     size_t bytes            # of names and histories; one doubling of the table of names may exceed it
 
@@ -28,6 +28,7 @@ cdef struct Tree:
     uint64_t samples                # in all histories
     size_t history_bytes            # allocated for all histories
     uint64_t taken                  # transforms accepted, duplicates included
+    uint64_t displaced              # samples that have made room for others
     uint64_t refused[REFUSAL_KINDS]     # transforms refused, by reason (bit number)
 
 

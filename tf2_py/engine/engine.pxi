@@ -5,6 +5,7 @@
 # Limits how often something is logged, so that a flood of messages does not become a flood of lines.
 
 cdef int64_t PERIOD_NS = 1000000000
+cdef int64_t DISPLACED_PERIOD_NS = 600 * PERIOD_NS
 
 # What counts as the time of a clock that has not begun.
 cdef int64_t NOT_BEGUN_NS = 1
@@ -175,10 +176,11 @@ cdef class Engine:
 
     cdef bint insert_some(self, Batch* batch) noexcept nogil:
         cdef uint32_t authority = 0
-        cdef uint64_t work
+        cdef uint64_t work, displaced
         cdef int64_t left = SLICE
         cdef bint is_waking
         lock_acquire(&self._lock)
+        displaced = self._tree.displaced
         if batch.done < batch.count:
             # Each time, because the buffer may have been emptied meanwhile, with its names.
             authority = tree_authority(&self._tree, batch.authority, batch.authority_size)
@@ -197,11 +199,19 @@ cdef class Engine:
         if self._waiters.in_1970_ns:
             batch.in_1970_ns = self._waiters.in_1970_ns
             self._waiters.in_1970_ns = 0
+        self._note_displaced(batch, displaced)
         batch.needs_report = (batch.refused > 0 or batch.unnormalized > 0 or batch.no_memory
-                              or not links_empty(&batch.ready) or batch.in_1970_ns != 0)
+                              or not links_empty(&batch.ready) or batch.in_1970_ns != 0 or batch.displaced > 0)
         is_waking = self._waiters.ready == &batch.ready
         unlock_written(&self._lock, &self._tree, &self._waiters)
         return is_waking or batch.done < batch.count
+
+    cdef void _note_displaced(self, Batch* batch, uint64_t before) noexcept nogil:
+        # A full buffer stays full, and most inserts displace a sample then.
+        cdef int64_t now_ns = monotonic_ns() if self._tree.displaced != before else INT64_MIN
+        if now_ns >= self._displaced_due_ns:
+            self._displaced_due_ns = now_ns + DISPLACED_PERIOD_NS
+            batch.displaced = self._tree.displaced
 
     cdef void finish_wakes(self) noexcept nogil:
         # So that whatever waits for what is inserted has its answer.
@@ -232,17 +242,20 @@ cdef class Engine:
 
     cdef void replace(self, Batch* batch) noexcept nogil:
         cdef Replacing replacing
+        cdef uint64_t displaced
         cdef uint32_t authority
         batch_begin(batch)
         batch.no_memory = replacing_begin(&replacing, batch) != 0
         if not batch.no_memory:
             self._lock_when_none_is_due()
+            displaced = self._tree.displaced
             authority = tree_authority(&self._tree, batch.authority, batch.authority_size)
             batch.no_memory = (authority == NAME_NO_MEMORY
                                or not replacing_apply(&replacing, &self._tree, batch, authority))
             if not batch.no_memory:
                 change_begin(&self._waiters.change, True)
                 wake_begin(&self._waiters, &batch.ready)
+            self._note_displaced(batch, displaced)
             unlock_written(&self._lock, &self._tree, &self._waiters)
         replacing_free(&replacing)
         batch.done = batch.count
@@ -256,6 +269,9 @@ cdef class Engine:
         if batch.in_1970_ns:
             self.log_1970(batch.in_1970_ns)
             batch.in_1970_ns = 0
+        if batch.displaced:
+            log.displaced(batch.displaced, self._tree.limits.bytes)
+            batch.displaced = 0
         if error is not None:
             raise error
         if batch.no_memory:
@@ -794,6 +810,7 @@ cdef class Engine:
             "refused": {log.REFUSALS[bit][1]: tree.refused[bit] for bit in range(REFUSAL_KINDS)},
             "frames": tree.names.count - 1 - tree.hidden,
             "samples": tree.samples,
+            "displaced": tree.displaced,
             "bytes": size,
             "waiters": waiters,
             "malformed_messages": load_seq_cst(&self._malformed),

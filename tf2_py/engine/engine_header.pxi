@@ -15,6 +15,7 @@ cdef class Engine:
     cdef Waiters _waiters
     cdef Lock _lock
     cdef ForkedLock _forked             # _lock
+    cdef int64_t _displaced_due_ns      # steady time before which displaced samples are not logged again
     cdef object _throttle               # of log lines ...
     cdef object _refusals               # ... and of those about refused transforms
     cdef uint32_t _malformed            # messages; atomic
@@ -135,6 +136,7 @@ cdef class Engine:
     cdef int _log_refused(self, Batch* batch) except -1
     cdef int _log_unnormalized(self, Batch* batch) except -1
     cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil
+    cdef void _note_displaced(self, Batch* batch, uint64_t before) noexcept nogil
     # Returns the first of the errors that were raised, or None.
     cdef object _deliver(self, Batch* batch, object hand_over)
     # Takes the tree over, with the frozen file that has it.

@@ -4,7 +4,7 @@
 /*
  * Owns the time of day of a test's program: it can be set, and what waits until a time of day follows.
  *
- * Loaded with LD_PRELOAD. The program sets the variable below, by ctypes. The other clocks stay as they are.
+ * Loaded with LD_PRELOAD. The program sets the variables below, by ctypes. The other clocks stay as they are.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -18,6 +18,7 @@
 #define NS 1000000000L
 
 volatile long wall_offset_ns;       /* added to the time of day */
+volatile long steady_offset_ns;     /* added to the steady clock, for programs in which nothing waits */
 
 static struct timespec moved(const struct timespec *time, long ns)
 {
@@ -42,6 +43,8 @@ int clock_gettime(clockid_t clock, struct timespec *now)
         return -1;
     if (clock == CLOCK_REALTIME || clock == CLOCK_REALTIME_COARSE)
         *now = moved(now, wall_offset_ns);
+    if (clock == CLOCK_MONOTONIC)
+        *now = moved(now, steady_offset_ns);
     return 0;
 }
 

@@ -17,6 +17,7 @@ from tf2_py._objects.errors import seconds as seconds
 from tf2_py._objects.frame_names import is_invalid_name as is_invalid_name
 from tf2_py._tf2_py import FOR_EVER_NS as FOR_EVER_NS
 from tf2_py._tf2_py import as_times_ns as as_times_ns
+from tf2_py._tf2_py import bool_of as bool_of
 from tf2_py._tf2_py import duration_ns as duration_ns
 from tf2_py._tf2_py import frame_name as frame_name
 from tf2_py._tf2_py import keep_for_ever as keep_for_ever

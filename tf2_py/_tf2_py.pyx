@@ -261,7 +261,7 @@ cdef class BufferCore(Engine):
         Invalid transforms, such as those with NaN, without names, or older than the history, are dropped
         without an exception: they are logged, and counted in ``statistics()["refused"]``.
         """
-        if replace:
+        if bool_of(replace, "replace"):
             self._set_many([transform], authority, False, True)
         else:
             self._set_one(transform, authority, False)
@@ -305,7 +305,9 @@ cdef class BufferCore(Engine):
         With ``replace``, lookups of other threads wait meanwhile, for about 10 ms if there are 100,000
         transforms; the history of each frame is copied once.
         """
-        return self._set_many(list(transforms), authority, static, replace)
+        cdef bint is_static = bool_of(static, "static")
+        cdef bint replaces = bool_of(replace, "replace")
+        return self._set_many(list(transforms), authority, is_static, replaces)
 
     def _tf2_replace(self, data: bytes, authority: str, logs_refused: bool) -> int:
         """As :meth:`set_transforms` with ``replace``, for the transforms of one serialized TFMessage."""
@@ -325,7 +327,7 @@ cdef class BufferCore(Engine):
         :raises BufferError: the bytes of ``data`` are not contiguous.
         :raises ValueError: ``data`` is malformed; nothing is added.
         """
-        return self._set_serialized(data, authority, static, False, True)
+        return self._set_serialized(data, authority, bool_of(static, "static"), False, True)
 
     def clear(self) -> None:
         """Remove every dynamic transform; names, authorities and static transforms remain."""

@@ -19,6 +19,7 @@ from rclpy.qos import QoSProfile
 from tf2_py import TransformException, stored_name
 from tf2_py._internal import (
     FOR_EVER_NS,
+    bool_of,
     class_name,
     duration_ns,
     errors,
@@ -288,10 +289,11 @@ class MessageFilter(Generic[_Message]):
         :param with_text: call ``callback(message, reason, text, *arguments)``. The text is that of the error
             that a lookup raised when the message was dropped: it contains the frames and the missing data.
         :return: a number that identifies the callback among those of this filter.
-        :raises TypeError: ``callback`` cannot be called.
+        :raises TypeError: ``callback`` cannot be called, or ``with_text`` is not a bool.
         """
+        has_text = bool_of(with_text, "with_text")
         connection = self._connect_callback("registerFailureCallback", callback)
-        self._calls.failure_callbacks[connection] = callback, arguments, with_text
+        self._calls.failure_callbacks[connection] = callback, arguments, has_text
         return connection
 
     def _connect_callback(self, name: str, callback: Any) -> int:

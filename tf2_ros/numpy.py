@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from tf2_py._internal import (
     as_times_ns,
+    bool_of,
     mask_of,
     matrices_from_rotations,
     normalize,
@@ -230,6 +231,7 @@ def propagate(covariances: npt.ArrayLike, transforms: Message | Pair, *, lever_a
     >>> propagate(numpy.diag([0.04, 0.01, 0, 0, 0, 0]), a_quarter_turn)[0].diagonal()[:2].round(6)
     array([0.01, 0.04])
     """
+    has_lever_arm = bool_of(lever_arm, "lever_arm")
     values = _floats(covariances, "covariances: expected numbers")
     if values.shape[-2:] != (6, 6):
         raise ValueError(f"covariances: expected the shape (N, 6, 6), got {values.shape}")
@@ -242,7 +244,7 @@ def propagate(covariances: npt.ArrayLike, transforms: Message | Pair, *, lever_a
         )
     adjoint = np.zeros((*others, 6, 6))
     adjoint[..., :3, :3] = adjoint[..., 3:, 3:] = turns
-    if lever_arm:
+    if has_lever_arm:
         adjoint[..., :3, 3:] = np.cross(translations[..., None], turns, axis=-2)
     propagated: Array = adjoint @ values @ np.swapaxes(adjoint, -1, -2)
     return propagated

@@ -45,6 +45,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from tf2_py._internal import bool_of
+
 __all__ = ["MessageSource", "insert_messages", "read_transforms", "serialize_arrays", "serialize_transforms"]
 
 cdef enum:
@@ -72,12 +74,12 @@ cdef class MessageSource:
     cdef size_t _prefix_size
     cdef bytes _publisher
 
-    def __cinit__(self, str topic not None, bint static=False, str prefix not None="",
+    def __cinit__(self, str topic not None, static=False, str prefix not None="",
                   bytes publisher not None=b""):
         cdef Py_ssize_t size
         self.topic = topic
         self._publisher = publisher or topic.encode()
-        self._is_static = static
+        self._is_static = bool_of(static, "static")
         self._authority = name_utf8(topic, &size)
         self._authority_size = size
         self._prefix_text = prefix

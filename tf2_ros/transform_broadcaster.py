@@ -14,7 +14,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
-from tf2_py._internal import MalformedObjectError, refused_transforms, serialize_as_ros
+from tf2_py._internal import MalformedObjectError, bool_of, refused_transforms, serialize_as_ros
 from tf2_ros._arguments import kind_of
 from tf2_ros._nodes.ended_nodes import require_node
 from tf2_ros._process.forking import refuse_inherited
@@ -46,7 +46,7 @@ class Broadcaster:
     def __init__(self, node: Node, topic: str, qos: QoSProfile | int, strict: bool) -> None:
         require_node(type(self).__name__, node, "create_publisher")
         self._tf2_process = os.getpid()
-        self._tf2_strict = strict
+        self._tf2_strict = bool_of(strict, "strict")
         self._tf2_warned = set()
         self.pub_tf = node.create_publisher(TFMessage, topic, qos)
 

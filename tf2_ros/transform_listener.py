@@ -18,7 +18,7 @@ from std_msgs.msg import Header
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
-from tf2_py._internal import MalformedObjectError, class_name
+from tf2_py._internal import MalformedObjectError, bool_of, class_name
 from tf2_py.typing import Self
 from tf2_ros._arguments import kind_of
 from tf2_ros._frame_prefix import valid_prefix, with_prefix
@@ -170,6 +170,7 @@ class TransformListener:
         recording: Recording | None = None,
     ) -> None:
         listening = self._tf2_state
+        has_dynamic = not bool_of(static_only, "static_only")
         if node is not None:
             require_node(
                 type(self).__name__, node, "create_subscription", buffer, "the buffer first, then the node"
@@ -187,7 +188,7 @@ class TransformListener:
             Topic("tf_sub", "callback", tf_topic, qos, is_static=False),
             Topic("tf_static_sub", "static_callback", tf_static_topic, static_qos, is_static=True),
         ]
-        listening.topics = [topic for topic in topics if topic.is_static or not static_only]
+        listening.topics = [topic for topic in topics if topic.is_static or has_dynamic]
         for topic in listening.topics:
             topic.is_own = _is_method_of(TransformListener, self, topic.method)
         listening.buffer = buffer

@@ -45,6 +45,7 @@ from geometry_msgs.msg import Transform as TransformMessage, TransformStamped
 from numpy.typing import ArrayLike, NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 
+from tf2_py._internal import bool_of
 from tf2_sensor_msgs._errors import FieldError, SizeError
 
 cnp.import_array()
@@ -383,6 +384,7 @@ def do_transform_cloud(
     cdef array.array new_data
     cdef Py_buffer source
     cdef int i
+    cdef bint leaves_others = bool_of(only_xyz, "only_xyz")
     read_any_rotation(transform, &tf)
     old_header = get_field(cloud_layout, cloud, "header")
     if hasattr(transform, "transform"):
@@ -398,7 +400,7 @@ def do_transform_cloud(
         _add_triples(cloud, fields, COORDINATES, &tf, True, &grid)
         if len(fields) == 3:
             _drop_padding(&grid.triples[0], &grid)
-        elif not only_xyz:
+        elif not leaves_others:
             _add_directions(cloud, fields, &tf, &grid)
         for i in range(grid.triple_count):
             grid.triples[i].step = grid.new_point_step

@@ -307,3 +307,45 @@ def test_every_parameter_is_asked(name):
     for one in QUESTIONS[name] * 100:
         one(pair, dice)
     assert pair.buffer.arguments[name] == parameters(METHODS[name])
+
+
+class Misasked(Asked):
+    """The same, but each call of one method gets an object of another type as one of its arguments."""
+
+    def __init__(self, buffer, method, parameter):
+        super().__init__(buffer)
+        self.method, self.parameter = method, parameter
+
+    def __getattr__(self, name):
+        if name != self.method:
+            return getattr(self.buffer, name)
+        value = getattr(self.buffer, name)
+
+        def call(*arguments, **more):
+            bound = inspect.signature(value).bind(*arguments, **more)
+            named = self.parameter in inspect.signature(value).parameters
+            given = bound.arguments if named else bound.arguments.setdefault("policy", {})
+            given[self.parameter] = object()
+            answer = value(*bound.args, **bound.kwargs)
+            if name == "changes":
+                answer = answer.__anext__()
+            if inspect.iscoroutine(answer):
+                answer = answer.send(None)
+            pytest.fail(f"{name} accepts an object as {self.parameter}: {answer!r}")
+
+        return call
+
+
+# These have Python's truth, as in tf2, or are refused with another error.
+OF_ANY_TYPE = {"return_debug_tuple", "new_type", "object_stamped", "on_missing", "points"}
+
+
+@pytest.mark.parametrize("name", sorted(QUESTIONS))
+def test_every_parameter_has_a_type(name):
+    for parameter in parameters(METHODS[name]) - OF_ANY_TYPE:
+        pair, dice = Pair(), random.Random(1)
+        pair.insert("list", tuple(("ab"[i % 2], "bc"[i % 2], 40 + i, i % 3, i % 4) for i in range(6)), "x")
+        pair.buffer = Misasked(pair.buffer, name, parameter)
+        with pytest.raises(TypeError):
+            for one in QUESTIONS[name] * 100:
+                one(pair, dice)

@@ -180,6 +180,7 @@ def test_a_timeout_is_meant_only_by_methods_that_wait(tf2_ros, name):
         ({"tolerance": "1"}, TypeError, "tolerance"),
         ({"max_gap": -0.1}, ValueError, "must not be negative"),
         ({"extrapolate": True}, TypeError, "needs a tolerance"),
+        ({"tolerance": 1, "extrapolate": "no"}, TypeError, "^extrapolate: expected a bool, got str$"),
         ({"tolerence": 1}, TypeError, r"^CALL\(\) got .* 'tolerence'. Did you mean 'tolerance'\?$"),
         ({"color": 1}, TypeError, r"^CALL\(\) got an unexpected keyword .* 'color'$"),
     ],

@@ -3,6 +3,7 @@
 """Arguments: what is a time or a timeout in every call, and what is said of wrong ones."""
 
 import asyncio
+import inspect
 import math
 import re
 import time
@@ -23,11 +24,16 @@ from geometry_msgs.msg import (
 )
 from rclpy.duration import Duration
 from rclpy.time import Time
+from sensor_msgs.msg import PointCloud2, PointField
 from simulated_clock import simulate
 from times_and_transforms import at, stamp_ns, transform
 from waiting import PROMPT_S, errors_so_far, seconds_of, until
 
 import tf2_geometry_msgs
+import tf2_ros.correction
+import tf2_sensor_msgs
+from tf2_ros.numpy import propagate
+from tf2_ros.serialization import MessageSource, serialize_transforms
 
 HALF = 1_500_000_000
 ADVICE = (
@@ -404,3 +410,101 @@ def test_a_listener_with_its_own_callback_needs_no_buffer(tf2_ros, node):
 
     for anything in (None, node, "no buffer"):
         assert Printing(anything, node).node is node
+
+
+# What takes a bool. Others that count as true, such as "no" and NaN, would do what their text does not say.
+
+CLOUD = PointCloud2(
+    height=1,
+    width=1,
+    point_step=12,
+    row_step=12,
+    data=bytes(12),
+    fields=[PointField(name=name, offset=4 * i, datatype=7, count=1) for i, name in enumerate("xyz")],
+)
+
+
+def with_filter(buffer, node, value):
+    with tf2_ros.MessageFilter(None, buffer, "map", 10, node=node) as points:
+        points.registerFailureCallback(print, with_text=value)
+
+
+def with_listener(buffer, node, value):
+    tf2_ros.TransformListener(buffer, node, static_only=value).unregister()
+
+
+ONE = transform("map", "base", 3)
+BOOLS = {  # by class or module, function and parameter
+    "Buffer.set_transform replace": lambda b, _, v: b.set_transform(ONE, "x", replace=v),
+    "Buffer.set_transforms static": lambda b, _, v: b.set_transforms([transform("a", "b")], "x", v),
+    "Buffer.set_transforms replace": lambda b, _, v: b.set_transforms([ONE], "x", replace=v),
+    "Buffer.set_transforms_cdr static": lambda b, _, v: b.set_transforms_cdr(
+        serialize_transforms([transform("c", "d")]), "x", v
+    ),
+    "LookupPolicy extrapolate": lambda b, _, v: b.lookup_transform(
+        "map", "base", at(5), tolerance=9, extrapolate=v
+    ),
+    "MessageSource static": lambda _b, _n, v: MessageSource("/tf", v),
+    "propagate lever_arm": lambda _b, _n, v: propagate(np.eye(6), ([[0, 0, 0]], [[0, 0, 0, 1]]), lever_arm=v),
+    "do_transform_cloud only_xyz": lambda _b, _n, v: tf2_sensor_msgs.do_transform_cloud(
+        CLOUD, ONE, only_xyz=v
+    ),
+    "MessageFilter.registerFailureCallback with_text": with_filter,
+    "TransformListener static_only": with_listener,
+    "TransformBroadcaster strict": lambda _, node, v: tf2_ros.TransformBroadcaster(node, strict=v),
+    "StaticTransformBroadcaster strict": lambda _, node, v: tf2_ros.StaticTransformBroadcaster(
+        node, strict=v
+    ),
+}
+# Those of tf2 and of sensor_msgs_py, for which Python's truth counts, as there.
+BOOLS_OF_OTHERS = {
+    "Buffer.can_transform return_debug_tuple",
+    "Buffer.can_transform_full return_debug_tuple",
+    "BufferClient.can_transform return_debug_tuple",
+    "BufferClient.can_transform_full return_debug_tuple",
+    "BufferInterface.can_transform return_debug_tuple",
+    "BufferInterface.can_transform_full return_debug_tuple",
+    "StaticTransformListener spin_thread",
+    "TransformListener spin_thread",
+}
+# What programs do not make, or do not call.
+RESULTS = {"BufferSource", "FrameInfo", "History"}
+
+
+@pytest.mark.parametrize("where", BOOLS)
+@pytest.mark.parametrize(
+    "wrong", ["no", "False", 0.0001, math.nan, 0, 1, [], np.array([True]), np.int8(1)], ids=repr
+)
+def test_a_bool_is_a_bool(node, buffer, where, wrong):
+    name, before = where.split()[-1], buffer.statistics()
+    with pytest.raises(TypeError, match=f"^{name}: expected a bool, got {type(wrong).__name__}$"):
+        BOOLS[where](buffer, node, wrong)
+    assert buffer.statistics() == before
+
+
+@pytest.mark.parametrize("where", BOOLS)
+@pytest.mark.parametrize("right", [False, True, np.False_, np.True_], ids=repr)
+def test_a_bool_of_numpy_is_one_too(node, buffer, where, right):
+    BOOLS[where](buffer, node, right)
+
+
+def bools_of(name, function):
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):
+        return set()
+    return {f"{name} {one.name}" for one in parameters if one.annotation in (bool, "bool")}
+
+
+def test_each_parameter_that_is_a_bool_is_tried():
+    found = {"LookupPolicy extrapolate", "MessageSource static"}  # whose kinds are not in a signature
+    for module in (tf2_ros, tf2_ros.numpy, tf2_ros.serialization, tf2_ros.correction, tf2_sensor_msgs):
+        for name in {*dir(module), *vars(module)} - RESULTS:
+            one = getattr(module, name)
+            if name.startswith("_") or not (getattr(one, "__module__", None) or "").startswith("tf2_"):
+                continue
+            found |= bools_of(name, one)
+            for method, function in inspect.getmembers(one, callable) if isinstance(one, type) else ():
+                if not method.startswith("_"):
+                    found |= bools_of(f"{name}.{method}", function)
+    assert found == {*BOOLS, *BOOLS_OF_OTHERS, *(one for one in found if one.startswith("BufferCore."))}

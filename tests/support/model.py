@@ -188,7 +188,7 @@ class Model(Listings, Policies, Explanations):
     # Inserting.
 
     def insert(self, parent, child, ns, xyz, xyzw, authority, static=False, is_full=False):
-        """Whether it is taken. If the buffer is full, it has no memory for another sample; all names are known."""
+        """Whether it is taken. A full buffer knows all names, and has no memory for another sample."""
         self._found.clear()
         parent, child = parent.removeprefix("/"), child.removeprefix("/")
         wrong = self._wrong(parent, child, ns, xyz, xyzw)

@@ -75,6 +75,15 @@ cdef class PolicyObject:
         return 0
 
 
+cpdef bint bool_of(object value, str argument) except -1:
+    """A bool, or one of NumPy; anything else is a TypeError, because ``"no"`` and NaN would count as true."""
+    if value is True or value is False:
+        return value is True
+    if type(value).__module__ != "numpy" or type(value).__name__ not in ("bool", "bool_"):
+        raise TypeError(f"{argument}: expected a bool, got {type(value).__name__}")
+    return bool(value)
+
+
 cdef int64_t _not_negative(object duration, str argument) except -1:
     # INT64_MAX: without end.
     cdef int64_t found_ns = duration_ns(duration, argument)
@@ -107,18 +116,19 @@ def policy_of(call, waits, /, **policy):
     """
     cdef PolicyObject made
     tolerance = policy.pop("tolerance", None)
-    extrapolate = policy.pop("extrapolate", False)
+    extrapolate = policy.pop("extrapolate", None)
+    cdef bint extrapolates = extrapolate is not None and bool_of(extrapolate, "extrapolate")
     max_gap = policy.pop("max_gap", None)
     max_age = policy.pop("max_age", None)
     for name in policy:
         raise TypeError(_unexpected(name, call, waits))
-    if tolerance is None and extrapolate:
+    if tolerance is None and extrapolates:
         raise TypeError("extrapolate needs a tolerance, which limits how far to extrapolate")
     if tolerance is None and max_gap is None and max_age is None:
         return None
     made = PolicyObject()
     made.policy.is_given = True
-    made.policy.extrapolates = extrapolate
+    made.policy.extrapolates = extrapolates
     made.policy.max_gap_ns = INT64_MAX if max_gap is None else _not_negative(max_gap, "max_gap")
     if tolerance is not None:
         made._read_limits(&made.policy.tolerance, tolerance, "tolerance", 0)

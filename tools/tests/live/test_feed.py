@@ -153,7 +153,7 @@ def test_what_is_not_a_message_is_refused():
 @pytest.mark.parametrize(
     ("arguments", "error", "text"),
     [
-        ({"is_static": "false"}, TypeError, "^is_static: expected True or False, got 'false'$"),
+        ({"is_static": "false"}, TypeError, "^is_static: expected a bool, got str$"),
         ({"publisher": 5}, TypeError, r"\(expected str, got int\)$"),
         ({"publisher": "a\0b"}, ValueError, "must not contain a NUL character"),
         ({"sent_ns": float("nan")}, TypeError, "^'float' object cannot be interpreted as an integer$"),

@@ -830,6 +830,21 @@ def test_a_bar_counts_the_messages(tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.parametrize("wrong", ["no", 0.0001, 0, []], ids=repr)
+def test_what_is_no_bool_is_refused(wrong, tmp_path):
+    path = write_mcap(tmp_path / "run.mcap", DRIVE)
+    text = f"expected a bool, got {type(wrong).__name__}$"
+    with pytest.raises(TypeError, match=f"^progress: {text}"):
+        bag.load(path, progress=wrong)
+    with pytest.raises(TypeError, match=f"^progress: {text}"):
+        bag.dataset(path, ["base"], at="/tf", relative_to="map", progress=wrong)
+    for name in ("records", "keeps_uncorrected"):
+        with pytest.raises(TypeError, match=f"^{name}: {text}"):
+            read_contents(path, **{name: wrong})
+    with open_recording(path) as recorded, pytest.raises(TypeError, match=f"^convert: {text}"):
+        recorded.raw(["/tf"], convert=wrong)
+
+
 @pytest.mark.parametrize("module", ["tqdm", "rosbags"])
 def test_a_missing_library_is_named_with_its_extra(module, tmp_path, monkeypatch):
     path = write_mcap(tmp_path / "run.mcap", DRIVE)

@@ -15,6 +15,7 @@ from tf2_py.printable import counted, printable
 from tf2_ros import Buffer
 from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages
+from tf2_ros_tools.common.bools import bool_of
 from tf2_ros_tools.common.output import span
 from tf2_ros_tools.live.broadcaster import OWN, Broadcaster, StaticBroadcaster
 from tf2_ros_tools.live.transport import Publisher, Sender, Wire
@@ -168,8 +169,7 @@ class Feed:
             raise TypeError(f"data: expected bytes or a memoryview, got {type(data).__name__}")
         if isinstance(data, memoryview) and not data.c_contiguous:
             data = data.tobytes()
-        if not isinstance(is_static, bool):
-            raise TypeError(f"is_static: expected True or False, got {is_static!r}")
+        is_static = bool_of(is_static, "is_static")
         sent_ns, lost = index(sent_ns), index(lost)  # raises a TypeError before anything is inserted
         source = MessageSource(publisher or self._name, is_static, self._prefix, gid)
         if self._source.why_ended():

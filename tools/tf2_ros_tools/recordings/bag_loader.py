@@ -21,6 +21,7 @@ from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import Buffer, TransformStamped
 from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages, read_transforms
+from tf2_ros_tools.common.bools import bool_of
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.output import first_names
 from tf2_ros_tools.recordings import foxglove_messages
@@ -286,6 +287,7 @@ def read_contents(
     :param keeps_uncorrected: whether ``uncorrected`` is a copy, if there is a trajectory.
     """
     what = what or wanted()
+    keeps_records, copies = bool_of(records, "records"), bool_of(keeps_uncorrected, "keeps_uncorrected")
     buffer, recording = new_buffer(cache_time), Recording()
     pieces: list[NDArray[np.void]] = []
     with open_recording(path) as recorded:
@@ -294,9 +296,9 @@ def read_contents(
         keyframes, poses, uncorrected = what.trajectory, None, None
         if keyframes is not None:  # first, because it may be wrong
             poses = keyframes.read(recorded, what.prefix_of(keyframes.topic or ""))
-        notes = fill_buffer(buffer, recorded, what, progress, recording if records else None, pieces)
+        notes = fill_buffer(buffer, recorded, what, progress, recording if keeps_records else None, pieces)
         if keyframes is not None and poses is not None:
-            uncorrected = copy(buffer) if keeps_uncorrected else None
+            uncorrected = copy(buffer) if copies else None
             notes += keyframes.correct(buffer, poses)
         times_ns = None if at is None else stamps_of(recorded, at)
         if at is not None and at not in what.poses:
@@ -604,6 +606,6 @@ def progress_bar(
     from tqdm.auto import tqdm
 
     # For tqdm, disable=None disables the bar unless standard error is a terminal.
-    disable, delay = (None, BAR_AFTER_S) if progress is None else (not progress, 0.0)
+    disable, delay = (None, BAR_AFTER_S) if progress is None else (not bool_of(progress, "progress"), 0.0)
     with tqdm(total=total, desc=name, unit=unit, delay=delay, disable=disable) as bar:
         yield bar.update

@@ -21,6 +21,7 @@ import numpy as np
 from tf2_py.printable import counted, printable
 from tf2_py.typing import TimeLike
 from tf2_ros.numpy import to_nanoseconds
+from tf2_ros_tools.common.bools import bool_of
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.recordings import foxglove_messages
 
@@ -187,6 +188,7 @@ class Recorded:
         For errors of the iteration, raise what :meth:`explain` returns. Without times, one of them is that a
         topic has fewer messages than the recording counts.
         """
+        converts = bool_of(convert, "convert")
         connections = self.connections(names)
         if not connections:
             return iter(())
@@ -196,7 +198,7 @@ class Recorded:
             messages = self._complete(messages, connections)
         is_foreign = any(encoding_of(one) != "cdr" for one in connections)  # those of a topic may differ
         if is_foreign:
-            return self._converted(messages) if convert else messages
+            return self._converted(messages) if converts else messages
         return _decompressed(messages)
 
     def last(self, topic: str) -> tuple[int, Raw] | None:

@@ -133,6 +133,9 @@ class RobotFeed:
         laptop.do("moving.sendTransform(made('map', 'first', 0))")
         while not first.do("('/tf', 'first') in heard"):
             laptop.do("moving.sendTransform(made('map', 'first', 0)); time.sleep(0.05)")
+        # Those that were sent again arrive before this.
+        laptop.do("moving.sendTransform(made('map', 'settled', 0))")
+        first.until("('/tf', 'settled') in heard")
         before = first.do("messages['/tf']")
         each = "moving.sendTransform([made('map', f'f{n}', n), made('map', 'last', n)])"
         laptop.do(f"for n in range(500): {each}")

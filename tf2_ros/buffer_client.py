@@ -263,7 +263,8 @@ class GoalSender:
 
     def _staleness(self, pending: PendingGoal, result: Any) -> str:
         """What is said of an answer that is too old; "": it is not."""
-        stamp_ns, max_age_ns = Time.from_msg(result.transform.header.stamp).nanoseconds, pending.max_age_ns
+        stamp, max_age_ns = result.transform.header.stamp, pending.max_age_ns
+        stamp_ns = stamp.sec * errors.NS_PER_S + stamp.nanosec  # an rclpy Time cannot be negative
         # The stamp of a static transform, and that of an error, is 0.
         if max_age_ns is None or stamp_ns == 0:
             return ""
@@ -287,9 +288,11 @@ class GoalSender:
             for goal in sent:
                 goal.cancel()
         lookup, result = pending.goal, response.result
-        # A server whose wait timed out or was cancelled may send an empty result without an error.
+        # A server whose wait timed out or was cancelled may send an empty result without an error. But the
+        # transform from the frame without a name to itself, which tf2 looks up, has no names, either.
+        is_empty = lookup.target_frame and not result.transform.header.frame_id
         if result.error.error == TF2Error.NO_ERROR and (
-            response.status != GoalStatus.STATUS_SUCCEEDED or not result.transform.header.frame_id
+            response.status != GoalStatus.STATUS_SUCCEEDED or is_empty
         ):
             raise pending.error(
                 f"The buffer server [{self.name}] did not get the transform from "

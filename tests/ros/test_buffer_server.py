@@ -19,6 +19,7 @@ from waiting import DEADLINE_S, until
 
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
+from tf2_py import TransformException
 from tf2_ros._qos import lookup_qos
 from tf2_ros._wait.lookup_or_wait import Lookup
 
@@ -293,3 +294,24 @@ class TestEnd:
     def test_anything_but_a_buffer_is_refused(self, tf2_ros, node):
         with pytest.raises(TypeError, match="buffer"):
             tf2_ros.BufferServer(object(), node, "lookup")
+
+
+def test_a_client_answers_as_the_buffer_does(tf2_ros, serving, buffer):
+    """Also before 1970, and where no frame has a name, which the answer then lacks, too."""
+    buffer.set_transform(transform("map", "robot", 1), "test")
+    with spun_node("asking") as node:
+        client = tf2_ros.BufferClient(node, "lookup", timeout_padding=LONG)
+        until(lambda: client.can_transform("map", "robot", 0, LONG))
+        for names in (("robot", "robot"), ("", ""), ("", "robot"), ("map", "")):
+            for stamp in (TimeMsg(), TimeMsg(sec=-2), TimeMsg(sec=-2, nanosec=5), TimeMsg(sec=1)):
+                assert outcome(client, *names, stamp) == outcome(buffer, *names, stamp), (names, stamp)
+        with pytest.raises(ValueError, match="max_age"):
+            client.lookup_transform("robot", "robot", TimeMsg(sec=-2), max_age=1)
+        client.destroy()
+
+
+def outcome(buffer, *arguments):
+    try:
+        return buffer.can_transform(*arguments), buffer.lookup_transform(*arguments)
+    except TransformException as error:
+        return type(error), str(error)

@@ -341,7 +341,7 @@ cdef class BufferCore(Engine):
         :return: whether it had any. A frame that is unknown has none.
 
         Frames that no remaining transform refers to become unknown, until a new transform refers to them.
-        They still count for ``max_frames``.
+        Their names still count for ``max_frames`` and ``max_bytes``.
         """
         cdef Py_ssize_t size
         cdef const char* text = name_utf8(frame, &size, "frame")
@@ -816,7 +816,7 @@ cdef class BufferCore(Engine):
         raise error
 
     def explain(
-        self, target_frame: str, source_frame: str, time: TimeLike, **policy: Unpack[LookupPolicy]
+        self, target_frame: str, source_frame: str, time: TimeLike = 0, **policy: Unpack[LookupPolicy]
     ) -> Explanation:
         """
         Get why a lookup has its answer: each hop, with the samples that have answered. It does not wait.

@@ -81,6 +81,11 @@ def test_what_is_printed_names_samples_gaps_and_authorities(buffer):
     assert lines(buffer.explain("map", "map", 5)) == ["map ← map at 0.000000005"]
 
 
+def test_the_time_is_the_latest_one_unless_it_is_given(buffer):
+    assert buffer.explain("map", "lidar") == buffer.explain("map", "lidar", 0)
+    assert buffer.explain("map", "lidar", max_gap=1) == buffer.explain("map", "lidar", 0, max_gap=1)
+
+
 def test_the_age_decides_which_hop_is_the_weakest_where_a_clock_shows_it(tf2_ros):
     buffer = tf2_ros.Buffer()
     buffer.clock = SetClock(round(13.1 * S))

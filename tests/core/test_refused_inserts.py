@@ -240,3 +240,22 @@ class TestManyAtOnce:
 
         assert buffer.set_transforms([first, Evil()], "x") == 2
         assert frames(buffer) == ["o" + "d" * 40, "map", "evil"]
+
+
+def test_names_of_forgotten_frames_count_and_the_log_says_so(tf2_py, capfd):
+    buffer = tf2_py.BufferCore(max_frames=10)
+    for i in range(20):
+        buffer.set_transform(transform("map", f"track_{i}", 1), "tracker")
+        buffer.forget(f"track_{i}")
+    assert buffer.statistics()["frames"] == 0
+    line = capfd.readouterr().err.splitlines()[0]
+    assert "already knows max_frames names, those of forgotten frames included: raise max_frames, or" in line
+    buffer.set_transform(transform("map", "track_3", 1), "tracker")
+    assert "track_3" in buffer
+
+
+@pytest.mark.parametrize("several", [list, tuple, iter, lambda given: N(transforms=given)])
+def test_several_at_once_are_those_of_another_method(buffer, several):
+    for call in (buffer.set_transform, buffer.set_transform_static):
+        with pytest.raises(TypeError, match="; set_transforms takes a list of transforms$"):
+            call(several([transform("map", "base", 1)]), "test")

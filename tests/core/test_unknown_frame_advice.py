@@ -39,6 +39,12 @@ def advice(buffer, name):
         (["base_link"], "a_rather_long_namespace/base_link", "[base_link]"),
         (["left_camera", "right_camera", "lidar"], "camera", "[left_camera] or [right_camera]"),
         (["link_1", "link_2", "link_3", "link_4"], "link_22", "[link_2] or [link_4] or [link_3]"),
+        (
+            ["frame_101", "frame_091", "frame_010", "frame_011", "frame_02"],
+            "frame_01",
+            "[frame_010] or [frame_011] or [frame_101]",
+        ),
+        (["arm_camera", "amera", "camera_link"], "camera", "[camera_link] or [amera] or [arm_camera]"),
         (["机器人/激光"], "激光", "[机器人/激光]"),
     ],
 )

@@ -105,10 +105,13 @@ class TestTimes:
 
     @every_lookup
     def test_a_duration_is_refused_with_what_to_use(self, buffer, call):
-        said = rf"time: expected a time, got a Duration: {ADVICE}$"
-        for duration in (Duration(seconds=1.5), Duration(seconds=1.5).to_msg()):
-            with pytest.raises(TypeError, match=said):
+        for duration in (Duration(seconds=1.5), Duration(seconds=1.5).to_msg(), timedelta(seconds=1.5)):
+            kind = type(duration).__name__
+            with pytest.raises(TypeError, match=rf"time: expected a time, got a {kind}: {ADVICE}") as error:
                 call(buffer, duration)
+            # Where a timeout follows the time, and not a frame.
+            ends_with_timeout = str(error.value).endswith("the latest. Pass a timeout as timeout=")
+            assert ends_with_timeout == str(error.value).startswith("time: ")
 
     def test_a_duration_of_zero_is_the_latest_time(self, buffer):
         # Programs for tf2 ask for the latest time like this, too.
@@ -126,6 +129,9 @@ class TestTimes:
         buffer.set_transform(transform("map", "simulated", 5), "me")
         with pytest.raises(tf2_py.ExtrapolationException, match="The sample is from 1970: is it in sim"):
             buffer.lookup_transform("map", "simulated", Time(seconds=1_794_000_000))
+        buffer.set_transform(transform("map", "unset", 0), "me")
+        with pytest.raises(tf2_py.ExtrapolationException, match=r"years too old\. Its stamp is 0: was it n"):
+            buffer.lookup_transform("map", "unset", Time(seconds=1_794_000_000))
 
     @pytest.mark.parametrize("way", ["can_transform", "with a timeout", "future", "before the data"])
     def test_a_time_in_the_wrong_unit_is_logged_for_those_who_see_no_error(self, buffer, capfd, way):

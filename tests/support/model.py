@@ -72,11 +72,12 @@ class Gap(Exception):
         is_late=False,
         time=None,
         data_from_1970=False,
+        stamp=None,
     ):
         super().__init__(text, addition)
         self.text, self.addition, self.time = text, addition, time
         self.missing, self.newest_ns, self.from_1970 = missing, newest_ns, from_1970
-        self.data_from_1970 = data_from_1970
+        self.data_from_1970, self.stamp = data_from_1970, stamp
         self.is_late = is_late  # the sample follows the time
 
 
@@ -89,9 +90,17 @@ def gap(name, time, sample, text, which, newest_ns):
     addition = f"{sample_text} is {span(missing)} {how}"
     year = 365 * 86400 * 10**9
     from_1970 = 0 < time < year and stamp > 30 * year
-    data_from_1970 = 0 < stamp < year and time > 30 * year
+    data_from_1970 = 0 <= stamp < year and time > 30 * year
     return Gap(
-        f"extrapolation {text}", addition, missing, newest_ns, from_1970, stamp > time, time, data_from_1970
+        f"extrapolation {text}",
+        addition,
+        missing,
+        newest_ns,
+        from_1970,
+        stamp > time,
+        time,
+        data_from_1970,
+        stamp,
     )
 
 
@@ -756,7 +765,10 @@ def extrapolation_text(target, source, source_gaps, target_gaps, limiting, now_n
             "simulated time?"
         )
     elif lack.data_from_1970:
-        addition += ". The sample is from 1970: is it in simulated time, and the requested time is not?"
+        if lack.stamp == 0:
+            addition += ". Its stamp is 0: was it never set?"
+        else:
+            addition += ". The sample is from 1970: is it in simulated time, and the requested time is not?"
     if limiting is not None and lack.is_late:
         addition += f". {limiting} has no newer data"
     return (

@@ -13,6 +13,7 @@ TOO_NEW = "too new"
 IN_1970 = (
     "The requested time is in 1970: is it in the wrong unit (an int is in nanoseconds), or simulated time?"
 )
+STAMP_NOT_SET = "Its stamp is 0: was it never set?"
 DATA_IN_1970 = "The sample is from 1970: is it in simulated time, and the requested time is not?"
 
 
@@ -168,8 +169,8 @@ def extrapolation(
         lack += f"; tolerance allows {seconds(tolerance_ns)} s"
     if 0 < requested_ns < YEAR_NS and max(quoted_ns, edge_ns) > 30 * YEAR_NS:
         lack += f". {IN_1970}"
-    elif 0 < edge_ns < YEAR_NS and requested_ns > 30 * YEAR_NS:
-        lack += f". {DATA_IN_1970}"
+    elif gap != "empty" and 0 <= edge_ns < YEAR_NS and requested_ns > 30 * YEAR_NS:
+        lack += f". {DATA_IN_1970 if edge_ns else STAMP_NOT_SET}"
     if limiting is not None:
         lack += f". The latest common time is {requested} because {printable(limiting)} has no newer data"
     return ExtrapolationException(
@@ -222,7 +223,7 @@ def stale(
     )
     if newest_ns < YEAR_NS and now_ns - newest_ns > 30 * YEAR_NS:
         if newest_ns == 0:
-            text += ". Its stamp is 0: was it never set?"
+            text += f". {STAMP_NOT_SET}"
         else:
             text += ". The sample is from 1970: is it in simulated time, which this clock does not follow?"
     return ExtrapolationException(text)

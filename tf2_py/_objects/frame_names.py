@@ -35,15 +35,16 @@ def closest(name: str, known: Iterable[str]) -> list[str]:
     The known names that resemble ``name`` most, best first, at most MOST_SUGGESTED of them.
 
     Case is ignored. Names that differ only in their namespace, as ``robot1/base_link`` and ``base_link``,
-    come first.
+    come first; then those that begin with ``name``.
     """
     if len(name) > LONGEST:
         return []
     wanted = name.casefold()
     folded = {one.casefold(): one for one in known if len(one) <= LONGEST and QUOTES.isdisjoint(one)}
+    longer = sorted((one for one in folded if one.startswith(wanted)), key=lambda one: (len(one), one))
     similar = get_close_matches(wanted, folded, MOST_SUGGESTED)
     moved = [one for one in folded if _last_part(one) == _last_part(wanted)]
-    return [folded[one] for one in dict.fromkeys([*moved, *similar])][:MOST_SUGGESTED]
+    return [folded[one] for one in dict.fromkeys([*moved, *longer, *similar])][:MOST_SUGGESTED]
 
 
 def _last_part(name: str) -> str:

@@ -28,7 +28,12 @@ REFUSALS = (
     ("TF_RESERVED_FRAME_ID", "reserved_frame_id", 'the frame name "NO_PARENT" is reserved'),
     ("TF_OLD_DATA", "old_data", "the stamp is more than cache_time older than the frame's newest stamp"),
     ("TF_STAMP_TOO_LATE", "stamp_too_late", "the stamp does not fit into a message"),
-    ("TF_TOO_MANY_FRAMES", "too_many_frames", "the buffer already has max_frames frames"),
+    (
+        "TF_TOO_MANY_FRAMES",
+        "too_many_frames",
+        "the buffer already knows max_frames names, those of forgotten frames included: raise max_frames, or"
+        " use such a name again",
+    ),
     ("TF_TOO_MANY_BYTES", "too_many_bytes", "the buffer would exceed max_bytes"),
     (
         "TF_OTHER_KIND",

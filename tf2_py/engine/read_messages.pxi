@@ -126,7 +126,9 @@ cdef int read_transform_stamped(object message, Incoming* out, list keep) except
         _read_transform(transform, &out.transform)
         out.stamp_ns = nanoseconds(header_layout.get(header, HEADER_STAMP), "header.stamp")
     except AttributeError as missing:
-        raise _misfit(message, "a geometry_msgs/TransformStamped", missing) from None
+        are_several = hasattr(message, "__iter__") or hasattr(message, "transforms")
+        advice = "; set_transforms takes a list of transforms" if are_several else ""
+        raise _misfit(message, "a geometry_msgs/TransformStamped", missing, advice) from None
     # This comes last, so that no Python code runs between taking these pointers and using them. The names end
     # at a NUL, as they do if the message is sent.
     out.parent = _utf8(parent, &size, "header.frame_id")

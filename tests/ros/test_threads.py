@@ -5,6 +5,8 @@
 import sys
 import threading
 
+import pytest
+from interposed_libraries import output_with_library
 from processes import run
 from waiting import DEADLINE_S, until
 
@@ -56,3 +58,34 @@ def test_a_process_with_room_for_one_more_thread_ends_without_an_error():
     # The thread that was to start another one does its work.
     done = run(sys.executable, "-c", NEARLY_FULL)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        *("timeout", "callback", "listener", "hidden", "spun", "client", "server"),
+        *("interrupted hidden", "interrupted spun", "interrupted client"),
+    ],
+)
+def test_python_does_not_end_before_a_thread_that_was_started_has_begun(what, tmp_path):
+    overwriting = {"MALLOC_PERTURB_": "165", "GLIBC_TUNABLES": "glibc.malloc.tcache_count=0"}
+    printed = output_with_library(
+        "late_threads", tmp_path, what, program="exits_while_threads_begin", **overwriting
+    )
+    assert printed == "at the end\n"
+
+
+def test_no_thread_starts_once_python_ends():
+    program = """
+import atexit
+atexit.register(lambda: begin())  # runs last
+from tf2_ros._process import threads
+def begin():
+    for _ in range(2):
+        try:
+            threads.start_once("late", print, "it runs")
+        except RuntimeError as error:
+            print(error)
+"""
+    done = run(sys.executable, "-c", program)
+    assert (done.stdout, done.stderr) == ("cannot start a thread during interpreter shutdown\n" * 2, "")

@@ -18,6 +18,7 @@ from tf2_ros._live_objects import LiveObjects
 from tf2_ros._nodes.ended_nodes import node_has_ended
 from tf2_ros._process.background import check_regularly
 from tf2_ros._process.forking import is_inherited, keep_in_children
+from tf2_ros._process.threads import await_beginnings, start_and_wait
 from tf2_ros._rclpy import (
     context_was_shut_down,
     is_shut_down,
@@ -70,7 +71,7 @@ class Spinner:
         _running.add(self)
         check_regularly(self)
         try:
-            self.thread.start()
+            start_and_wait(self.thread)
         except BaseException:
             self._at_end = None  # whoever called this destroys that
             self.stop(wait=False)
@@ -127,6 +128,7 @@ def _stop_spinning() -> None:
     # A forked child would wait for a thread that does not exist, or for another one in its place.
     if not _lacks_signal_thread:
         uninstall_signal_handlers()
+    await_beginnings()  # a signal handler may have interrupted the start of one, which is stopped only now
     for spinner in _running:
         spinner.stop()
     _woken_by_signals.clear()

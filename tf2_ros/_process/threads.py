@@ -3,7 +3,7 @@
 """Start and end the helper threads of a process; callbacks that no executor runs wait for one of them."""
 
 import threading
-from _thread import start_new_thread
+from _thread import LockType, allocate_lock, start_new_thread
 from collections.abc import Callable
 from contextlib import suppress
 from queue import SimpleQueue
@@ -21,22 +21,68 @@ def call_logged(call: Callable[[], object], where: str) -> None:
         log.raised(error, where)
 
 
+# Of threads that were started and have not begun yet: locks that are free once they have.
+_beginning: set[LockType] = set()
+_refuses = False  # because the interpreter exits
+
+
 def start(name: str, target: Callable[..., object], *arguments: object) -> None:
     """
     Start a thread; returns at once.
 
     :raises RuntimeError: no thread can be started.
     """
-    start_new_thread(_begin, (name, target, arguments))
+    _start(threading.Thread(target=target, args=arguments, name=name, daemon=True), runs_here=True)
 
 
-def _begin(name: str, target: Callable[..., object], arguments: tuple[object, ...]) -> None:
+def start_and_wait(thread: threading.Thread) -> None:
+    """
+    Start a thread, and return once it runs. After an exception of a signal handler it may still begin.
+
+    :raises RuntimeError: no thread can be started.
+    """
+    with _start(thread, runs_here=False):
+        if thread.ident is None:
+            raise RuntimeError("cannot start another thread")
+
+
+def _start(thread: threading.Thread, runs_here: bool) -> LockType:
+    # A thread that begins while the interpreter is finalized crashes: `join_threads` waits for all in
+    # `_beginning`, and later ones are refused. So this adds the lock first, and then checks.
+    begun, identifiers = allocate_lock(), list[int]()
+    begun.acquire()
+    try:
+        _beginning.add(begun)
+        if _refuses:
+            raise RuntimeError("cannot start a thread during interpreter shutdown")
+        # One call in C, so that no signal handler runs between the start and the note that there was one.
+        identifiers.extend(map(start_new_thread, [_begin], [(thread, begun, runs_here)]))
+    finally:
+        if not identifiers:
+            _beginning.discard(begun)
+    return begun
+
+
+def _begin(thread: threading.Thread, begun: LockType, runs_here: bool) -> None:
     # In a thread of its own, where no signal handler runs. `Thread.start` waits for the new thread in Python:
     # what a handler raises there surfaces as an error of a lock, or the new thread waits forever.
     try:
-        threading.Thread(target=target, args=arguments, name=name, daemon=True).start()
+        thread.start()
     except (RuntimeError, MemoryError):  # this thread could be started, another one cannot
-        target(*arguments)
+        has_begun = False
+    else:
+        has_begun = True
+    _beginning.discard(begun)
+    begun.release()
+    if runs_here and not has_begun:
+        thread.run()
+
+
+def await_beginnings() -> None:
+    """Wait until all threads that were started have begun."""
+    for begun in list(_beginning):
+        if begun.acquire(timeout=THREAD_END_WAIT_S):
+            begun.release()
 
 
 # Those of this process that run a target of `start_once`, and the targets whose threads have not begun yet.
@@ -110,7 +156,10 @@ callbacks = CallbackThread()
 
 
 def join_threads() -> None:
-    """Wait for the ends of all that were stopped."""
+    """At the exit of the interpreter, wait for the ends of all that were stopped, and let no other begin."""
+    global _refuses
+    _refuses = True
+    await_beginnings()
     for thread in list(running.values()):
         with suppress(AssertionError, RuntimeError):  # a dummy thread, see `_begin`
             thread.join(THREAD_END_WAIT_S)
@@ -121,3 +170,4 @@ def forget_threads() -> None:
     callbacks.reset()
     running.clear()
     _starting.clear()
+    _beginning.clear()

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Fill a buffer with what arrives from a robot, over any wire."""
 
+import atexit
 import logging
 import os
 import threading
@@ -126,6 +127,8 @@ class Feed:
         self._warned_of_clock = False
         self._broadcasters: dict[type[Broadcaster], Broadcaster] = {}
         if wire is not None:
+            # When Python ends, no thread of the wire must be in its library, or start another one.
+            atexit.register(self.close)
             try:
                 wire.open(self._take_of_wire, self._source.end)
             except BaseException:
@@ -301,6 +304,7 @@ class Feed:
         if self._process != os.getpid():
             return  # the wire belongs to the parent
         self._source.end(reason)
+        atexit.unregister(self.close)
         if self._wire is not None:
             self._wire.close()
 

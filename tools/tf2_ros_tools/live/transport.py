@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
+from tf2_ros_tools.common.threads import start_and_wait
+
 log = logging.getLogger("tf2_ros_tools.live")
 
 DISCOVERY_S = 5.0  # in which robots, and their publishers, are usually found, and begin to be received
@@ -124,7 +126,7 @@ class WireThread:
         self._where, self._receive, self._end = where, receive, end
         self._has_ended = False
         self._thread = threading.Thread(target=self._run, name=where, daemon=True)
-        self._thread.start()
+        start_and_wait(self._thread)
 
     def _run(self) -> None:
         reason = "its thread has ended"

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Receive transforms from nodes with rmw_zenoh, and send some, with eclipse-zenoh."""
 
-import atexit
 import json
 import logging
 import os
@@ -74,7 +73,6 @@ class ZenohWire:
         self._address = address
         host = f"[{address.host}]" if ":" in address.host else address.host
         self._endpoint = f"tcp/{host}:{address.port or PORT}"
-        self._process = os.getpid()
         self._is_closed = False
         self._session: zenoh.Session | None = None
         self._closers: list[Callable[[], None]] = []  # what is left to do at the end, the last one first
@@ -88,8 +86,6 @@ class ZenohWire:
         self._session = session = self._connected()
         self._closers.append(session.close)
         self._own = str(session.info.zid())
-        # When the interpreter ends, its threads must not be in Zenoh.
-        atexit.register(self.close)
         with _errors(self._address.where):
             # Every node has a publisher. First the names of those who are there, before their messages; then
             # of those who come and go.
@@ -116,10 +112,7 @@ class ZenohWire:
                 self._start(subscriber, hear, end)
 
     def close(self) -> None:
-        if self._process != os.getpid():
-            return  # a forked child that exits
         self._is_closed = True
-        atexit.unregister(self.close)
         # Each is done once, whoever else closes this meanwhile. In 1.5 to 1.7, the end of the session does
         # not end what waits for a subscriber.
         with suppress(IndexError):

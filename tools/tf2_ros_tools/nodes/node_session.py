@@ -24,6 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from tf2_ros import Buffer
 from tf2_ros_tools.common.program import UsageError
+from tf2_ros_tools.common.threads import start_and_wait
 from tf2_ros_tools.diagnosis.findings import Finding
 from tf2_ros_tools.listening.session import TOPICS, publisher_name
 
@@ -50,13 +51,14 @@ def spun_node(name: str, options: Namespace) -> Iterator[Node]:
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         thread = threading.Thread(target=_spin, args=(executor,), daemon=True)
-        thread.start()
         try:
+            start_and_wait(thread)
             yield node
         finally:
             # This also ends the thread, which may use the executor until then.
             rclpy.try_shutdown()
-            thread.join(CALLBACK_END_WAIT_S)
+            if thread.is_alive():  # a signal handler may have interrupted its start
+                thread.join(CALLBACK_END_WAIT_S)
             if not thread.is_alive():
                 executor.shutdown()
                 node.destroy_node()

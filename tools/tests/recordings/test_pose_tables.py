@@ -76,6 +76,24 @@ def test_neighboring_rows_do_not_jump_to_the_opposite_quaternion(tmp_path):
     assert np.isnan(table.poses[~table.valid]).all()
 
 
+@pytest.mark.parametrize("stamps", [(0,), (0, 1, 2), (0, S), (0, 0, 5)])
+def test_the_row_of_the_stamp_0_is_the_pose_at_0(stamps, tmp_path):
+    sent = [Sent(i, "/tf", [Tf("map", "base", ns, (ns, i, 0))]) for i, ns in enumerate(stamps)]
+    sent += [Sent(9, "/tf", [Tf("world", "map", ns, (0, 8, ns))]) for ns in (0, 2 * S)]
+    sent += [Sent(9, "/tf_static", [Tf("base", "/camera", 7 * S, (0, 0, 3))])]
+    heard = read_contents(write_mcap(tmp_path / "a.mcap", sent))
+    table, reasons = look_up_table(heard, "world", ["camera"], [0, stamps[-1], 0])
+    assert reasons == {}
+    # Of several samples of one stamp, the one that lookups of other times use, too.
+    assert table.poses[[0, 2], 0, :3].tolist() == [[0, 8 + (stamps.count(0) - 1), 3]] * 2
+    assert table.poses[1, 0, 0] == stamps[-1]
+
+
+def test_a_stamp_0_without_data_has_no_answer(path):
+    table, reasons = look_up_table(read_contents(path), "map", ["camera"], [0, 101 * S])
+    assert (table.valid[:, 0].tolist(), reasons) == ([False, True], {})
+
+
 def test_a_stamp_in_seconds_keeps_its_nanoseconds():
     stamps = [0, 1, -1, 1_700_000_000 * S + 7]
     poses = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (4, 1, 1))

@@ -12,11 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tf2_py import BufferCore, ConnectivityException, TransformException
+from tf2_py import BufferCore, ConnectivityException, ExtrapolationException, TransformException
 from tf2_py.printable import counted, printable
+from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.diagnosis.stream_statistics import moving_on, path_to_root, stamps_on, taken
+from tf2_ros_tools.recordings.bag_reader import LAST_NS
 from tf2_ros_tools.recordings.header_stamps import UNSET_NS
+from tf2_ros_tools.recordings.saved_buffers import by_stamp
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer
@@ -91,7 +94,7 @@ def _look_up_frame(
     :raises TransformException: the frames are unknown or not connected.
     """
     buffer, corrected = heard.buffer, heard.corrected
-    between = buffer.path(target, source)
+    between = _between(buffer, target, source)
     poses = look_up(buffer, target, source, stamps_ns, None if corrected else max_gap)
     gaps = np.where(np.isnan(poses[:, 0]), np.nan, 0.0)
     # The samples of a corrected frame are keyframes: the time between them is no gap in what was measured.
@@ -103,6 +106,21 @@ def _look_up_frame(
         is_wide = gaps > max_gap
         poses[is_wide] = gaps[is_wide] = np.nan
     return poses, gaps
+
+
+def _between(buffer: BufferCore, target: str, source: str) -> list[str]:
+    """
+    Get the frames that connect two frames.
+
+    :raises TransformException: the frames are unknown or not connected.
+    """
+    try:
+        return buffer.path(target, source)
+    except ExtrapolationException:  # for tf2, a frame whose newest stamp is 0 has data at any time
+        frames = buffer.frames()
+        up, down = (path_to_root(frames, name) for name in (source, target))
+        top = next(name for name in up if name in down)
+        return [*up[: up.index(top)], top, *down[: down.index(top)]]
 
 
 def _gaps_at(samples: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -124,10 +142,14 @@ def look_up(
     :raises InvalidArgumentException: a name is invalid.
     """
     stamps_ns = np.asarray(times_ns, np.int64)
-    # For tf2, 0 means the latest common time. Use the next nanosecond, when no frame has moved noticeably.
-    times = np.where(stamps_ns == 0, 1, stamps_ns)
+    # For tf2, 0 means the latest common time.
+    is_zero = stamps_ns == 0
+    times = np.where(is_zero, UNSET_NS, stamps_ns)
     found = buffer.lookup_transforms(target, source, times, on_missing="nan", max_gap=max_gap)
     poses = np.concatenate(found, axis=1)
+    if is_zero.any() and source in (first := _at_zero(buffer)) and target in first:
+        found = first.lookup_transforms(target, source, [0], on_missing="nan")
+        poses[is_zero] = np.concatenate(found, axis=1)
     # q and -q are the same rotation; a table must not jump from one to the other.
     valid = ~np.isnan(poses[:, 0])
     turns = poses[valid, 3:]
@@ -136,6 +158,16 @@ def look_up(
     turns[1:][is_opposite] = 0.0 - turns[1:][is_opposite]  # without a zero becoming -0.0
     poses[valid, 3:] = turns
     return poses
+
+
+def _at_zero(buffer: BufferCore) -> BufferCore:
+    """Get the static samples and those with the stamp 0, the earliest one that a buffer accepts."""
+    first = BufferCore()
+    for one in buffer.histories().values():
+        begin, end = (-LAST_NS, LAST_NS) if one.static else (0, 1)
+        if begin <= one.stamps_ns[0] < end:
+            first.set_transforms_cdr(serialize_arrays(*by_stamp([one], begin, end)), "", one.static)
+    return first
 
 
 def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> NDArray[np.int64]:
@@ -149,7 +181,7 @@ def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> ND
     :raises ValueError: there would be more than 50,000,000 times.
     """
     frames = buffer.frames()
-    moving = [frames[name] for name in moving_on(frames, buffer.path(target, source))]
+    moving = [frames[name] for name in moving_on(frames, _between(buffer, target, source))]
     dynamic = [(one.oldest_ns, one.newest_ns) for one in moving or frames.values()]
     spans = [(oldest, newest) for oldest, newest in dynamic if oldest is not None and newest is not None]
     if not spans:
@@ -176,7 +208,7 @@ def times_when(heard: BagContents, target: str, source: str, rate: float | None)
     """
     if rate is not None:
         return times_at_rate(heard.buffer, target, source, rate)
-    between = heard.buffer.path(target, source)
+    between = _between(heard.buffer, target, source)
     stamps = stamps_on(heard.records, heard.frames, heard.buffer.frames(), between)
     # Without anything that moves, one time is enough.
     return stamps if len(stamps) else taken(heard.records)["stamp_ns"][:1].astype(np.int64)

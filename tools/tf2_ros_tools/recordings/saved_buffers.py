@@ -83,12 +83,12 @@ def _messages(histories: list[History]) -> Iterator[tuple[str, int, bytes]]:
     times_ns = np.sort(np.concatenate([np.empty(0, np.int64), *(one.stamps_ns for one in moving)]))
     if static:
         first_ns = times_ns[0] if len(times_ns) else max(one.stamps_ns[0] for one in static)
-        yield STATIC, int(first_ns), serialize_arrays(*_by_stamp(static, -LAST_NS, LAST_NS))
+        yield STATIC, int(first_ns), serialize_arrays(*by_stamp(static, -LAST_NS, LAST_NS))
     # Each part begins where a message does.
     begins_ns = np.unique(times_ns[::AT_ONCE] // MESSAGE_NS) * MESSAGE_NS
     del times_ns
     for begin_ns, end_ns in pairwise([*begins_ns.tolist(), LAST_NS]):
-        frames, stamps_ns, transforms = _by_stamp(moving, begin_ns, end_ns)
+        frames, stamps_ns, transforms = by_stamp(moving, begin_ns, end_ns)
         ends = np.append(np.flatnonzero(np.diff(stamps_ns // MESSAGE_NS)) + 1, len(stamps_ns))
         start = 0
         for end in ends.tolist():
@@ -100,7 +100,7 @@ def _messages(histories: list[History]) -> Iterator[tuple[str, int, bytes]]:
                 start = rows.stop
 
 
-def _by_stamp(
+def by_stamp(
     histories: list[History], begin_ns: int, end_ns: int
 ) -> tuple[list[tuple[str, str]], NDArray[np.int64], NDArray[np.float64]]:
     """The samples from one stamp until before another, for `serialize_arrays`."""

@@ -547,6 +547,8 @@ class TestExpectations:
             ("frames: {base: odom}", "base: expected a mapping with parent and static and "),
             ("frames: {base: {rate: 3}}", "base: 'rate' is not a key; did you mean min_rate"),
             ("frames: {base: {min_rate: fast}}", "base: 'min_rate': expected a number that .*, got 'fast'"),
+            ("frames: {base: {static: true, static: false}}", "is not YAML: 'static' occurs twice"),
+            ("frames:\n  base: {}\n  odom: {}\n  base: {min_rate: 3}", "is not YAML: 'base' occurs twice"),
             (f"frames: {5000 * '['}", "is not YAML"),
         ],
     )

@@ -217,6 +217,13 @@ def test_topics_without_static_transforms_are_refused_with_those_that_have_some(
         transforms_of(PARSER.read([NAME, "--recording", str(recording), "--topic", "/tf_static"]))
 
 
+def test_a_topic_with_two_prefixes_is_wrong_usage(tmp_path):
+    recording = write_mcap(tmp_path / "a.mcap", drive())
+    topics = ["--topic", "/tf_static=r/", "--topic", "/tf_static=s/"]
+    with pytest.raises(UsageError, match="^--topic: expected each topic once, got /tf_static twice$"):
+        transforms_of(PARSER.read([NAME, "--recording", str(recording), *topics]))
+
+
 @pytest.mark.parametrize("others", [[], ["--file", "a.yaml"], ["--frame-id", "a", "--child-frame-id", "b"]])
 def test_topics_are_those_of_a_recording(others):
     with pytest.raises(UsageError, match="^--topic chooses topics of a recording, which --recording names$"):

@@ -94,6 +94,20 @@ def test_all_formats_of_a_lookup_hold_the_same(run, drive_mcap, tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["a.csv", "a.parquet", "a.tum"]
 
 
+@pytest.mark.parametrize(
+    ("option", "one", "other"),
+    [
+        ("--topic", "/tf=r/", "/tf=s/"),
+        ("--poses", "/odom", "/odom=map,base"),
+        ("--urdf", "robot.urdf", "/joint_states=recorded"),
+    ],
+)
+def test_a_topic_given_twice_is_wrong_usage(run, drive_mcap, option, one, other):
+    topic = {"--topic": "/tf", "--poses": "/odom", "--urdf": "/joint_states"}[option]
+    with pytest.raises(UsageError, match=f"^{option}: expected each topic once, got {topic} twice$"):
+        run("check", drive_mcap, option, one, option, other)
+
+
 def test_explain_shows_the_samples_of_each_hop(run, drive_mcap):
     status, out, err = run("explain", drive_mcap, "map", "camera", "--at", "104.25")
     assert (status, err) == (0, "")

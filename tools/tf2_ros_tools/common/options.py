@@ -4,12 +4,15 @@
 
 import math
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from decimal import Decimal
 from os.path import splitext
+from typing import TypeVar
 
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.program import Parser, UsageError
+
+_Value = TypeVar("_Value")
 
 # Numbers on a command line.
 
@@ -103,6 +106,20 @@ def _topic(text: str) -> tuple[str, str]:
     if not name:
         raise ArgumentTypeError(f"expected NAME or NAME=PREFIX, got {text!r}")
     return name, prefix
+
+
+def by_topic(option: str, given: Iterable[tuple[str, _Value]]) -> dict[str, _Value]:
+    """
+    Get the values of an option that may be given several times, by their topics.
+
+    :raises UsageError: a topic is given twice; only one of its values would count.
+    """
+    found: dict[str, _Value] = {}
+    for topic, value in given:
+        if topic in found:
+            raise UsageError(f"{option}: expected each topic once, got {topic} twice")
+        found[topic] = value
+    return found
 
 
 def add_plot_options(made: ArgumentParser, default: str) -> None:

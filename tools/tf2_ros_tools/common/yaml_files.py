@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Read YAML files that people write: expectations, static transforms."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
@@ -24,9 +25,16 @@ def read_yaml(path: Path) -> Any:
     require("yaml", "cli")
     import yaml
 
+    class Loader(yaml.SafeLoader):
+        def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+            keys = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
+            for key in (key for key, count in keys.items() if count > 1):  # PyYAML keeps the last one
+                raise yaml.MarkedYAMLError(problem=f"{key!r} occurs twice", problem_mark=node.start_mark)
+            return super().construct_mapping(node, deep)
+
     try:
         with open(path, encoding="utf-8") as file:
-            return yaml.safe_load(file)
+            return yaml.load(file, Loader)
     except OSError as refusal:
         raise UsageError(f"cannot read {path}: {refusal.strerror}") from None
     except (ValueError, RecursionError, yaml.YAMLError) as refusal:  # a wrong date is a ValueError

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from tf2_py.printable import counted, printable
-from tf2_ros_tools.common.options import add_topic_option, finite_number
+from tf2_ros_tools.common.options import add_topic_option, by_topic, finite_number
 from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, UsageError, run, wait_until_interrupted
 from tf2_ros_tools.common.roll_pitch_yaw import quaternion_from_rpy
 from tf2_ros_tools.common.yaml_files import Key, frame_name, number_in, read_keys, read_list
@@ -124,7 +124,7 @@ def _recorded(options: Namespace) -> list[TransformStamped]:
     from tf2_ros_tools.recordings.bag_reader import BagError
 
     try:
-        topics = TOPICS if options.topics is None else dict(options.topics)
+        topics = TOPICS if options.topics is None else by_topic("--topic", options.topics)
         transforms, notes = static_transforms(options.recording, topics)
     except BagError as failure:
         raise RunError(str(failure)) from None

@@ -23,6 +23,7 @@ from tf2_ros_tools.common.options import (
     add_output,
     add_plot_options,
     add_topic_option,
+    by_topic,
     ending_in,
     format_of,
     nanoseconds,
@@ -79,7 +80,7 @@ def _topics_of(options: Namespace) -> Topics:
     """Get the topics to read."""
     from tf2_ros_tools.recordings.bag_loader import TOPICS
 
-    return TOPICS if options.topics is None else dict(options.topics)
+    return TOPICS if options.topics is None else by_topic("--topic", options.topics)
 
 
 def _robots_of(options: Namespace) -> dict[str, Urdf]:
@@ -88,11 +89,12 @@ def _robots_of(options: Namespace) -> dict[str, Urdf]:
     from tf2_ros_tools.urdf import load
 
     robots: dict[str, Urdf] = {}
-    for topic, urdf in options.urdf:
+    given = by_topic("--urdf", ((topic or JOINT_STATES, urdf) for topic, urdf in options.urdf))
+    for topic, urdf in given.items():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # printed below, in one line
             robot = urdf == RECORDED or load(Path(urdf))
-        robots[topic or JOINT_STATES] = robot
+        robots[topic] = robot
         for problem in () if robot is True else robot.warnings:
             options.parser.warn(f"{urdf}: {problem}")
     return robots
@@ -110,8 +112,8 @@ def _read(options: Namespace, **how: Any) -> BagContents:
     """Read the transforms of the recording; ``how``: arguments of ``read_contents``."""
     from tf2_ros_tools.recordings.bag_loader import read_contents, wanted
 
-    poses, robots, trajectory = dict(options.poses), _robots_of(options), _trajectory_of(options)
-    what = wanted(_topics_of(options), options.start, options.end, poses, robots, trajectory)
+    poses, trajectory = by_topic("--poses", options.poses), _trajectory_of(options)
+    what = wanted(_topics_of(options), options.start, options.end, poses, _robots_of(options), trajectory)
     return read_contents(options.file, what, **how)
 
 

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from random_runs import seeds
 
+from tf2_py import BufferCore
+from tf2_ros import TransformStamped
 from tf2_ros.records import RECORD
 from tf2_ros_tools.common.program import UsageError
 from tf2_ros_tools.diagnosis.findings import Expectation, Finding, Limits, Received, expected_by, find
@@ -443,12 +445,88 @@ class TestRecords:
         ],
     )
     def test_stamps_that_go_back_for_more_than_one_transform_are_found(self, lists, expected):
-        found = received(*lists).stamps_back()
+        found = [*received(*lists).jumps("; advice")]
         if expected is None:
-            assert found is None
+            assert found == []
         else:
-            assert line_of(found).startswith(f"clock: the stamps of {expected}: lookups mix ")
-            assert found.frames == tuple(expected.partition(" went")[0].split(", "))
+            [one] = found
+            assert line_of(one).startswith(f"clock: the stamps of {expected}: lookups mix ")
+            assert line_of(one).endswith(" before and after; advice")
+            assert one.frames == tuple(expected.partition(" went")[0].split(", "))
+
+    @pytest.mark.parametrize(
+        ("lists", "expected"),
+        [
+            (
+                [steady("odom", end=2), steady("odom", start=2, delay=-100)],
+                ["odom jumped ahead by 100 s, at 2"],
+            ),
+            (
+                [
+                    steady(one, start=start, end=start + 4, delay=-1e8 * (start > 0))
+                    for one in ("odom", "base")
+                    for start in (0, 4)
+                ],
+                ["base, odom jumped ahead by 3.17 years, at 4"],
+            ),
+            # One that is wrong is ahead first, and the others are behind it.
+            (
+                [steady("odom"), [heard(2.001, "odom", delay=-20)]],
+                ["odom went back by 20 s, at 2.02", "odom jumped ahead by 20 s, at 2.001"],
+            ),
+            ([steady("odom", end=1), steady("odom", start=60, end=61)], []),  # a pause of both
+            ([steady("odom", end=1), steady("odom", start=60, end=61, delay=59)], []),  # of the stamps only
+            ([steady("odom"), [heard(1.001 + i, "odom", delay=50) for i in range(2)]], []),  # late ones
+            ([steady("odom", delay=-5), steady("odom", publisher="/other", delay=30)], []),
+        ],
+    )
+    def test_stamps_that_jump_ahead_are_found(self, lists, expected):
+        found = [line_of(one).rpartition(": ")[0] for one in received(*lists).jumps()]
+        assert found == [f"clock: the stamps of {one}" for one in expected]
+
+    @pytest.mark.parametrize("rates", [(20, 10), (10, 20), (20, 20), (50, 1)])
+    @pytest.mark.parametrize("behind", [20.0, 1e9])
+    def test_two_clocks_at_the_same_time_are_not_separated_by_a_time(self, rates, behind):
+        one = steady("odom", rate=rates[0])
+        found = received(one, steady("odom", rate=rates[1], start=0.001, delay=behind)).jumps("; advice")
+        [text] = map(line_of, found)
+        assert text.startswith("clock: the stamps of odom alternate between two clocks, and went back ")
+        assert text.endswith(": two publishers send them at the same time")
+
+    @pytest.mark.parametrize(
+        ("meters", "degrees", "apart"),
+        [
+            (0.25, 0.0, "0.25 m and 0 degrees"),
+            (0.0, 0.11, "0 m and 0.11 degrees"),
+            (0.002, 180.0, "0.002 m and 180 degrees"),
+            (0.0009, 0.09, None),
+            (0.0, 360.0, None),  # q and -q
+        ],
+    )
+    def test_two_poses_at_one_stamp_are_found(self, meters, degrees, apart):
+        half = np.radians(degrees) / 2
+        sent = [
+            (1, "odom", 0.0, 0.0),
+            (2, "odom", 0.0, 0.0),
+            (2, "odom", meters, half),
+            (2, "odom", 0.0, 0.0),
+        ]
+        sent += [
+            (3, "odom", meters, half),
+            (3, "map", 5.0, 0.0),
+            (0, "odom", 0.0, 0.0),
+            (0, "odom", 5.0, 0.0),
+        ]
+        buffer = BufferCore()
+        for second, parent, x, turn in sent:
+            moved = TransformStamped(child_frame_id="base")
+            moved.header.frame_id, moved.header.stamp.sec = parent, second
+            moved.transform.translation.x = x
+            moved.transform.rotation.z, moved.transform.rotation.w = np.sin(turn), np.cos(turn)
+            buffer.set_transform(moved, "/tf")
+        found = [line_of(one) for one in received([]).of_equal_stamps(buffer.histories().values())]
+        said = f"values: base in odom has different poses at 1 stamp, up to {apart} apart, first at 2.000 s"
+        assert found == ([f"{said}: lookups mix them"] if apart else [])
 
 
 def random_traffic(generator):

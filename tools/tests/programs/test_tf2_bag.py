@@ -33,7 +33,7 @@ from robot_of_all_joints import ARM, description, joint_state
 from starting_programs import needs_dot
 
 from tf2_ros import Buffer
-from tf2_ros_tools.bag import load
+from tf2_ros_tools.bag import load, save
 from tf2_ros_tools.common.optional_libraries import MissingLibraryError
 from tf2_ros_tools.common.program import RunError, UsageError
 from tf2_ros_tools.programs.tf2_bag import PARSER, bag
@@ -424,6 +424,41 @@ class TestAdvice:
         status, printed, _ = run("check", path, "--poses", "/empty")
         assert status == 1
         assert "nothing: no transform was received (topic /empty has no messages)" in printed
+
+
+def test_a_saved_buffer_has_no_publishers_to_compare(run, tmp_path):
+    sent = [Sent((9 + i) * S, f"/{i % 2}/tf", [Tf("map", "base", (9 + i) * S)]) for i in range(6)]
+    path, saved = write_mcap(tmp_path / "run.mcap", sent), tmp_path / "saved.mcap"
+    topics = ("--topic", "/0/tf", "--topic", "/1/tf")
+    status, out, _ = run("check", path, *topics)
+    assert (status, out.count("publishers: base is published by 2")) == (1, 1)
+    save(load(path, topics=["/0/tf", "/1/tf"]), saved)
+    lack = "publishers were not compared, because a saved buffer has none"
+    said = f"no problems in 2 frames (6 transforms, 5 s; {lack})\n"
+    assert run("check", saved)[:2] == (0, said)
+    assert run("info", saved)[1].endswith(said)
+
+
+@pytest.mark.parametrize(
+    ("jump", "kind", "said"),
+    [
+        (
+            100 * S,
+            "clock",
+            "the stamps of base jumped ahead by 100 s, at log time 13.000 s: lookups interpolate",
+        ),
+        (None, "values", "base in map has different poses at 6 stamps, up to 0.25 m and 0 degrees apart"),
+    ],
+)
+def test_check_finds_stamps_that_jump_and_stamps_with_two_poses(run, jump, kind, said, tmp_path):
+    sent = []
+    for i in range(6):
+        ns = (9 + i) * S
+        sent.append(Sent(ns, "/tf", [Tf("map", "base", ns + (jump or 0) * (i > 3))]))
+        if jump is None:
+            sent.append(Sent(ns + 1, "/tf", [Tf("map", "base", ns, (0.25, 0, 0))]))
+    status, out, _ = run("check", write_mcap(tmp_path / "run.mcap", sent))
+    assert (status, f"{kind}: {said}" in out) == (1, True)
 
 
 def test_a_library_that_the_end_needs_is_missed_before_the_recording_is_read(run, tmp_path, monkeypatch):

@@ -50,6 +50,16 @@ def test_json_has_the_verdict_the_findings_and_the_figures(peer):
     assert {stream["frame"] for stream in found["streams"]} == {"b", "isle"}
 
 
+def test_two_poses_at_one_stamp_are_found(peer):
+    talker = peer()
+    with running("tf2_check", "--json", hears=f"{heard(b=1)} and findings") as process:
+        talker.send(("map", "b", 5 * S, 1.0), ("map", "b", 5 * S, 1.5))
+        out, _ = process.communicate()
+    texts = {one["kind"]: one["text"] for one in json.loads(out)["findings"]}
+    said = "b in map has different poses at 1 stamp, up to 0.5 m and 0 degrees apart, first at 5.000 s"
+    assert texts["values"] == f"{said}: lookups mix them"
+
+
 def test_it_says_at_once_that_it_listens():
     with running("tf2_check", "-t", "1000") as process:
         assert process.stderr.readline().endswith(" for 1000 s...\n")

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py.printable import counted
+from tf2_py import History
+from tf2_py.printable import counted, printable
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools.common.output import DAY_S, first_names, span, three_digits
 from tf2_ros_tools.common.program import UsageError
@@ -331,6 +332,10 @@ def _as_expected(
 
 S = 1_000_000_000
 SAME_VALUE = 1e-6  # meters, and of the components of a quaternion
+# Poses at one stamp that are closer are the same.
+POSES_APART_M, POSES_APART_DEGREES = 1e-3, 0.1
+JUMP_AHEAD_NS = 10 * S  # by so much more than the time of reception
+ALTERNATIONS = 3  # a clock that was set goes back and ahead less often
 COMPONENTS = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
@@ -412,30 +417,75 @@ class Received:
                 text = f"{which} have the stamp 0, because the publisher does not set it"
                 yield Finding("unset", self.frames[child], text)
 
-    def stamps_back(self) -> Finding | None:
-        """Find that stamps went back, because the clock of the robot did, so that a buffer mixes two runs."""
+    def of_equal_stamps(self, histories: Iterable[History]) -> Iterator[Finding]:
+        """Find dynamic frames with poses that differ at one stamp."""
+        for one in histories:
+            stamps, name = one.stamps_ns, printable(one.frame)
+            first = stamps.searchsorted(stamps)
+            others = np.flatnonzero((first < np.arange(len(stamps))) & (stamps != 0))
+            others = others[one.parents[others] == one.parents[first[others]]]
+            away = np.linalg.norm(one.translations[others] - one.translations[first[others]], axis=1)
+            cosines = np.abs((one.rotations[others] * one.rotations[first[others]]).sum(axis=1))
+            turned = np.degrees(2.0 * np.arccos(np.minimum(cosines, 1.0)))
+            is_wide = (away >= POSES_APART_M) | (turned >= POSES_APART_DEGREES)
+            if is_wide.any():
+                wide = others[is_wide]
+                parent, at = printable(one.parents[wide[0]]), counted(len(np.unique(stamps[wide])), "stamp")
+                apart = f"{three_digits(away[is_wide].max())} m and {three_digits(turned[is_wide].max())}"
+                text = (
+                    f"{name} in {parent} has different poses at {at}, up to {apart} degrees apart, first at"
+                    f" {stamps[wide[0]] / S:.3f} s: lookups mix them"
+                )
+                yield Finding("values", one.frame, text)
+
+    def jumps(self, advice: str = "") -> Iterator[Finding]:
+        """
+        Find stamps that went back or ahead, because the clock of the robot did, or that are of two clocks.
+
+        :param advice: how to separate what was received before and after.
+        """
         moving = taken(self.records)
         moving = moving[(moving["static"] == 0) & (moving["stamp_ns"] != 0)]
-        found: dict[str, tuple[int, int, int]] = {}  # first time, ns back, and how often, by frame
+        found: dict[str, dict[str, tuple[int, int, int]]] = {"both": {}, "back": {}, "ahead": {}}
         for (child, _), own in _groups(moving, "child", "publisher"):
-            stamps = own["stamp_ns"]
-            # A single late transform is not a clock that went back.
-            back = np.flatnonzero(np.maximum(stamps[1:-1], stamps[2:]) < stamps[:-2] - JUMP_BACK_NS)
-            if len(back):
-                first = int(back[0])
-                sizes = int(stamps[first] - stamps[first + 1]), len(back)
-                found[self.frames[child]] = int(own["received_ns"][first + 1]), *sizes
-        if not found:
-            return None
-        at_ns, back_ns, _ = min(found.values())
-        often = max(count for *_, count in found.values())
-        times = "" if often == 1 else f" {often} times, first"
-        text = (
-            f"the stamps of {first_names(sorted(found))} went back{times} by {span(back_ns / S)},"
-            f" {self.when(at_ns)}: lookups mix what was recorded before and after; `start` and `end`, or"
-            " --start and --end, separate them"
-        )
-        return Finding("clock", "", text, tuple(sorted(found)))
+            for way, jump in _jumps_of(own["stamp_ns"], own["received_ns"]):
+                found[way][self.frames[child]] = jump
+        hows = {
+            "both": (
+                "alternate between two clocks, and went back",
+                "two publishers send them at the same time",
+            ),
+            "back": ("went back", f"lookups mix what was received before and after{advice}"),
+            "ahead": ("jumped ahead", f"lookups interpolate across this{advice}"),
+        }
+        for way, frames in found.items():
+            if frames:
+                at_ns, size_ns, _ = min(frames.values())
+                often = max(count for *_, count in frames.values())
+                times = "" if often == 1 else f" {often} times, first"
+                how, so = hows[way]
+                what = f"the stamps of {first_names(sorted(frames))} {how}{times} by {span(size_ns / S)}"
+                yield Finding("clock", "", f"{what}, {self.when(at_ns)}: {so}", tuple(sorted(frames)))
+
+
+def _jumps_of(
+    stamps: NDArray[np.int64], received: NDArray[np.int64]
+) -> Iterator[tuple[str, tuple[int, int, int]]]:
+    """Find how stamps jump, in the order of arrival: "both", "back" or "ahead"; first time, ns, how often."""
+    steps = np.diff(stamps)
+    rises = steps - np.diff(received)
+    # A single late transform is not a clock that went back.
+    back = np.flatnonzero(np.maximum(stamps[1:-1], stamps[2:]) < stamps[:-2] - JUMP_BACK_NS)
+    newest = np.maximum.accumulate(stamps)[:-1]
+    ahead = np.flatnonzero(stamps[1:] - newest - np.diff(received) > JUMP_AHEAD_NS)
+    least = JUMP_BACK_NS if len(back) else JUMP_AHEAD_NS
+    down, up = np.flatnonzero(steps < -least), np.flatnonzero(rises > least)
+    if min(len(down), len(up)) >= ALTERNATIONS:
+        yield "both", (int(received[down[0] + 1]), -int(steps[down[0]]), len(down))
+        return
+    for way, places, sizes in (("back", back, -steps), ("ahead", ahead, rises)):
+        if len(places):
+            yield way, (int(received[places[0] + 1]), int(sizes[places[0]]), len(places))
 
 
 def _groups(records: NDArray[np.void], *names: str) -> Iterator[tuple[tuple[int, ...], NDArray[np.void]]]:

@@ -209,7 +209,11 @@ class Listening:
         values = self._recording.values()
         received = Received(self._streams.kept(now_ns), self.frames(), publishers, values, ago)
         begin_ns = None if self._window_ns is None else now_ns - self._window_ns
-        return received.findings(alive, begin_ns)
+        return [
+            *received.findings(alive, begin_ns),
+            *received.of_equal_stamps(self.buffer.histories().values()),
+            *received.jumps(),
+        ]
 
     def _chain(self, ends: tuple[str, str], now_ns: int) -> Chain:
         try:

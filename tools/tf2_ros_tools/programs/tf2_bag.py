@@ -161,7 +161,7 @@ def info(options: Namespace) -> int:
     show("frames:", *(f"  {stream_line(stream)}{_gap(stream)}" for stream in said.streams))
     if said.clocks_differ:
         show("stamps and log times are from different clocks, so delays are unknown")
-    show(*heard.absent, *lines_of(said.findings, said.streams, _what(said)))
+    show(*heard.absent, *lines_of(said.findings, said.streams, _what(said, options.file)))
     return SUCCESS
 
 
@@ -174,11 +174,14 @@ def check(options: Namespace) -> int:
     expected = expected_by(options.expect)
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
     said = report(_read(options), limits, expected)
-    return conclude(options, said, _what(said), {"file": options.file})
+    return conclude(options, said, _what(said, options.file), {"file": options.file})
 
 
-def _what(said: Report) -> str:
-    return f"{counted(said.transforms, 'transform')}, {span(said.seconds)}"
+def _what(said: Report, path: str) -> str:
+    from tf2_ros_tools.recordings.saved_buffers import is_saved
+
+    lack = "; publishers were not compared, because a saved buffer has none" if is_saved(path) else ""
+    return f"{counted(said.transforms, 'transform')}, {span(said.seconds)}{lack}"
 
 
 def _contents(topics: Sequence[RecordedTopic], start_ns: int | None, end_ns: int | None) -> Iterator[str]:

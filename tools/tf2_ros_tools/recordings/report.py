@@ -69,10 +69,10 @@ def report(
         streams = [without_delays(one) for one in streams]
     received = Received(records, heard.frames, heard.publishers, heard.values, _at_log_time)
     also += received.findings()
-    if (back := received.stamps_back()) is not None:
-        also.append(back)
+    also += received.of_equal_stamps(heard.buffer.histories().values())
+    also += (jumps := [*received.jumps("; `start` and `end`, or --start and --end, separate them")])
     # Stamps that went back are not newer than all before, but they advance.
-    advancing = () if back is None else back.frames
+    advancing = {name for one in jumps for name in one.frames}
     judged = [replace(one, stalled=one.silence) if one.frame in advancing else one for one in streams]
     silence = 0.0 if heard.end_ns is None or static.all() else (heard.end_ns - now_ns) / S
     if silence > limits.stale:

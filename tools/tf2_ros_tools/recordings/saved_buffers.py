@@ -42,6 +42,7 @@ QOS = {
 }
 
 TYPE = "tf2_msgs/msg/TFMessage"
+LIBRARY = "tf2-ros-cython"  # in the header, which begins the file
 
 
 def save(buffer: BufferCore, path: str | os.PathLike[str]) -> None:
@@ -64,7 +65,7 @@ def save(buffer: BufferCore, path: str | os.PathLike[str]) -> None:
     histories = [*buffer.histories().values()]
     with whole_file(path) as file:
         writer = Writer(file, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
-        writer.start(profile="ros2", library="tf2-ros-cython")
+        writer.start(profile="ros2", library=LIBRARY)
         definition, _ = typestore().generate_msgdef(TYPE, ros_version=2)
         schema = writer.register_schema(TYPE, "ros2msg", definition.encode())
         channels = {
@@ -74,6 +75,14 @@ def save(buffer: BufferCore, path: str | os.PathLike[str]) -> None:
         for sequence, (topic, log_time_ns, data) in enumerate(_messages(histories)):
             writer.add_message(channels[topic], log_time_ns, data, log_time_ns, sequence)
         writer.finish()  # type: ignore[no-untyped-call]
+
+
+def is_saved(path: str | os.PathLike[str]) -> bool:
+    """Whether :func:`save` has written a recording, which then has all transforms on the same two topics."""
+    if not os.path.isfile(path):
+        return False
+    with open(path, "rb") as file:
+        return LIBRARY.encode() in file.read(64)
 
 
 def _messages(histories: list[History]) -> Iterator[tuple[str, int, bytes]]:

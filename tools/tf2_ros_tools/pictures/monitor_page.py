@@ -16,8 +16,8 @@ from weakref import WeakSet
 
 from aiohttp import web
 from aiohttp.typedefs import Handler
-from textual_serve import server
 from textual_serve.app_service import AppService
+from textual_serve.server import Server
 
 from tf2_py.printable import printable
 from tf2_ros_tools.common.output import show
@@ -77,8 +77,9 @@ class _Names:
         self._is_loopback = is_loopback
         self._known = {"localhost", given.lower().rstrip(".")}
         if not is_loopback:
-            host = socket.gethostname().lower()
-            self._known |= {host, f"{host}.local"}
+            name = socket.gethostname().lower()
+            short = name.partition(".")[0]
+            self._known |= {name, short, f"{short}.local"}
 
     async def include(self, host: str) -> bool:
         """Whether the value of a Host header, with any port, has one of them."""
@@ -96,22 +97,7 @@ class _Names:
         return True
 
 
-class _Tab(AppService):
-    """The process of a tab. It ends with the tab also while it starts, when it does not read yet."""
-
-    async def stop(self) -> None:
-        if self._process is not None and self._process.returncode is None:
-            with suppress(ProcessLookupError):
-                os.kill(
-                    self._process.pid, signal.SIGTERM
-                )  # `terminate` would fetch the status of one that ended
-        await super().stop()
-
-
-server.AppService = _Tab  # type: ignore[attr-defined] # the only way, for all servers of this process
-
-
-class _Page(server.Server):
+class _Page(Server):
     """Serves browsers at any address by which they reach it, such as the end of an SSH tunnel."""
 
     def __init__(self, command: str, title: str, names: _Names) -> None:
@@ -155,3 +141,15 @@ class _Page(server.Server):
         tab = asyncio.create_task(super().handle_websocket(request))
         self._tabs.add(tab)
         return await tab
+
+    async def _process_messages(self, websocket: web.WebSocketResponse, app_service: AppService) -> None:
+        try:
+            await super()._process_messages(websocket, app_service)
+        finally:
+            # While it starts, it does not read that it is to quit.
+            process = app_service._process
+            if process is not None and process.returncode is None:
+                with suppress(ProcessLookupError):
+                    os.kill(
+                        process.pid, signal.SIGTERM
+                    )  # `terminate` would fetch the status of one that ended

@@ -50,10 +50,10 @@ cdef extern from *:
     struct tf2_work;
     #if defined(__x86_64__) && defined(__GNUC__)
     static inline __attribute__((always_inline)) void tf2_step(struct tf2_work *, int);
-    static __attribute__((target("avx512f"))) void tf2_step_512(struct tf2_work *work, int step) {
+    static __attribute__((target("avx512f"), flatten)) void tf2_step_512(struct tf2_work *work, int step) {
         tf2_step(work, step);
     }
-    static __attribute__((target("avx2"))) void tf2_step_256(struct tf2_work *work, int step) {
+    static __attribute__((target("avx2"), flatten)) void tf2_step_256(struct tf2_work *work, int step) {
         tf2_step(work, step);
     }
     static void tf2_wide_step(struct tf2_work *work, int step) {

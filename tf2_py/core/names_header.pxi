@@ -58,12 +58,25 @@ cdef const char* names_check(const Names* names) noexcept nogil     # NULL, or w
 
 # Which bytes are a text.
 
+cdef extern from *:
+    """
+    #define TF2_HIGH_BITS 0x8080808080808080ULL
+    """
+    const uint64_t HIGH_BITS "TF2_HIGH_BITS"
+
+
 cdef inline bint is_utf8(const unsigned char* text, size_t size) noexcept nogil:
     # Well-formed UTF-8 as in table 3-7 of the Unicode standard: no overlong forms, no surrogates.
     cdef size_t i = 0
     cdef size_t follow, k
     cdef unsigned char first, low, high
+    cdef uint64_t eight
     while i < size:
+        if size - i >= 8:
+            memcpy(&eight, text + i, 8)
+            if not eight & HIGH_BITS:   # ASCII
+                i += 8
+                continue
         first = text[i]
         i += 1
         if first < 0x80:

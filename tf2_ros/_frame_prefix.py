@@ -36,4 +36,4 @@ def source_of(stamped: Any, prefix: str) -> tuple[Any, Any]:
     except AttributeError:
         text = f"object_stamped: expected an object with a header, got {kind_of(stamped)}"
         raise MalformedObjectError(f"{text}{how_without_header(type(stamped))}") from None
-    return frame_of(header, prefix), header.stamp
+    return frame_of(header, prefix) if prefix else header.frame_id, header.stamp

@@ -79,11 +79,11 @@ def how_without_header(key: Any) -> str:
 
 def _find(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callable[..., Any]:
     """Find the function for ``key``; a TypeException says how ``method`` would make it known."""
-    package = getattr(key, "__module__", "").partition(".")[0]
     if key not in table:
         _package_of(key)
     if key in table:
         return table[key]
+    package = getattr(key, "__module__", "").partition(".")[0]
     raise TypeException(
         f"Type {key} is not loaded or supported: {_advice(key, package)}register a function with "
         f"tf2_ros.{method}"

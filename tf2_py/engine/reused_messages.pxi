@@ -15,9 +15,9 @@ tuples of ``zip``, if
    added something leaves nothing of it in an answer.
 3. the classes have no finalizers, which would be expected to run for each message.
 
-Only slots change, never a number, because a program may have kept that. From the check to the return, nothing
-runs Python code, nor releases the GIL, nor allocates what the garbage collector knows, so no other thread,
-signal handler or finalizer comes between. If memory is short, the message is freed.
+Slots change, and floats to which only their slot refers; never a number that anybody else has. From the check
+to the return, nothing runs Python code, nor releases the GIL, nor allocates what the garbage collector knows,
+so no other thread, signal handler or finalizer comes between. If memory is short, the message is freed.
 
 Without the GIL, this would not be enough, and every message is a new one.
 """
@@ -40,6 +40,8 @@ cdef extern from *:
     PyTypeObject* type_of "Py_TYPE"(PyObject* object) noexcept
     PyObject* new_float "PyFloat_FromDouble"(double value) except NULL
     PyObject* new_int "PyLong_FromLongLong"(long long value) except NULL
+    ctypedef struct PyFloatObject:
+        double ob_fval
     PyTypeObject FLOAT "PyFloat_Type"
     PyTypeObject INT "PyLong_Type"
     PyTypeObject STR "PyUnicode_Type"
@@ -126,15 +128,23 @@ cdef inline void _replace(PyObject** slot, PyObject* value) noexcept:
     Py_DECREF(<object>old)
 
 
+cdef inline int _put_float(PyObject** slot, double value) except -1:
+    if is_only_reference(slot[0]):
+        (<PyFloatObject*>slot[0]).ob_fval = value
+    else:
+        _replace(slot, new_float(value))
+    return 0
+
+
 cdef int _fill(const Parts* parts, const Transform* transform, int64_t stamp_ns, object frame_id,
                object child_frame_id) except -1:
     cdef int i
     cdef int64_t sec
     cdef uint32_t nanosec
     for i in range(3):
-        _replace(_slot(&_translation_shape, parts.translation, i), new_float(transform.translation[i]))
+        _put_float(_slot(&_translation_shape, parts.translation, i), transform.translation[i])
     for i in range(4):
-        _replace(_slot(&_rotation_shape, parts.rotation, i), new_float(transform.rotation[i]))
+        _put_float(_slot(&_rotation_shape, parts.rotation, i), transform.rotation[i])
     stamp_split(stamp_ns, &sec, &nanosec)
     _replace(_slot(&_stamp_shape, parts.stamp, TIME_SEC), new_int(sec))
     _replace(_slot(&_stamp_shape, parts.stamp, TIME_NANOSEC), new_int(nanosec))

@@ -106,8 +106,8 @@ class TestTimes:
     @every_lookup
     def test_a_duration_is_refused_with_what_to_use(self, buffer, call):
         for duration in (Duration(seconds=1.5), Duration(seconds=1.5).to_msg(), timedelta(seconds=1.5)):
-            kind = type(duration).__name__
-            with pytest.raises(TypeError, match=rf"time: expected a time, got a {kind}: {ADVICE}") as error:
+            kind = "timedelta" if isinstance(duration, timedelta) else "a Duration"
+            with pytest.raises(TypeError, match=rf"time: expected a time, got {kind}: {ADVICE}") as error:
                 call(buffer, duration)
             # Where a timeout follows the time, and not a frame.
             ends_with_timeout = str(error.value).endswith("the latest. Pass a timeout as timeout=")

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A signal handler that raises at a random moment, as Ctrl-C does, leaves nothing that hangs."""
 
+import signal
 import threading
 
 import pytest
@@ -9,7 +10,9 @@ from excused_faults import WITHOUT_LOCKS_LEFT
 from paths import PROGRAMS
 from processes import output_of
 from random_runs import times
-from waiting import until
+from waiting import DEADLINE_S, until
+
+from tf2_ros._process import threads
 
 
 class Interrupt(BaseException):
@@ -25,16 +28,24 @@ def test_chance_finds_nothing_that_hangs(how):
 
 
 def test_a_thread_whose_start_is_interrupted_ends(tf2_ros, node, buffer, monkeypatch):
-    """Most of `Thread.start` is a wait, until the new thread runs."""
-    start = threading.Thread.start
+    """Most of it is a wait, until the new thread runs."""
+    start, main, interrupted = threading.Thread.start, threading.main_thread().ident, threading.Event()
+
+    def interrupt(*_):
+        interrupted.set()
+        raise Interrupt
 
     def interrupted_start(thread):
-        start(thread)
         if thread.name == "tf2_ros listener":
-            raise Interrupt
+            signal.pthread_kill(main, signal.SIGUSR1)
+            assert interrupted.wait(DEADLINE_S)
+        start(thread)
 
+    before = signal.signal(signal.SIGUSR1, interrupt)
     monkeypatch.setattr(threading.Thread, "start", interrupted_start)
     with pytest.raises(Interrupt):
         tf2_ros.TransformListener(buffer, node, spin_thread=True)
+    until(lambda: not threads._beginning)
     monkeypatch.undo()
+    signal.signal(signal.SIGUSR1, before)
     until(lambda: "tf2_ros listener" not in [thread.name for thread in threading.enumerate()])

@@ -8,7 +8,7 @@ cdef enum:
 
 
 cdef struct Limits:
-    # What would exceed a limit is refused; but in a frame that has samples, the oldest makes room for another.
+    # What would exceed a limit is refused; but of a frame that has samples, the oldest makes room for others.
     uint32_t frames         # names
     size_t bytes            # of names and histories; one doubling of the table of names may exceed it
 

@@ -201,7 +201,8 @@ cdef class Engine:
             self._waiters.in_1970_ns = 0
         self._note_displaced(batch, displaced)
         batch.needs_report = (batch.refused > 0 or batch.unnormalized > 0 or batch.no_memory
-                              or not links_empty(&batch.ready) or batch.in_1970_ns != 0 or batch.displaced > 0)
+                              or not links_empty(&batch.ready) or batch.in_1970_ns != 0
+                              or batch.displaced > 0)
         is_waking = self._waiters.ready == &batch.ready
         unlock_written(&self._lock, &self._tree, &self._waiters)
         return is_waking or batch.done < batch.count

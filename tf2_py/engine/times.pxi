@@ -98,7 +98,7 @@ cdef int64_t nanoseconds(object value, str argument) except? -1:
         return _datetime64_ns(value, argument)
     # In the timedelta of pandas, `nanoseconds` is only the part below a microsecond.
     if isinstance(value, datetime.timedelta):
-        raise _got_duration(value, argument)
+        raise _got_duration(type(value).__name__, argument)
     found = getattr(value, "nanoseconds", None)
     if found is not None:
         _refuse_duration(value, found, argument)
@@ -163,15 +163,14 @@ cdef int _refuse_duration(object value, object amount, str argument) except -1:
         return 0
     for module in ("rclpy.duration", "builtin_interfaces.msg"):
         if isinstance(value, getattr(sys.modules.get(module), "Duration", ())):
-            raise _got_duration(value, argument)
+            raise _got_duration("a Duration", argument)
     return 0
 
 
-cdef object _got_duration(object value, str argument):
+cdef object _got_duration(str given, str argument):
     # As the third argument of a lookup, it is often meant as the timeout.
     meant = ". Pass a timeout as timeout=" if argument == "time" else ""
-    kind = type(value).__name__
-    return TypeError(f"{argument}: expected a time, got a {kind}: use {_times_to_use()}{meant}")
+    return TypeError(f"{argument}: expected a time, got {given}: use {_times_to_use()}{meant}")
 
 
 cdef object new_stamp(int64_t stamp_ns):

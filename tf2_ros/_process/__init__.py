@@ -10,6 +10,7 @@ The threads of this process, and what a fork leaves of them and of objects.
 | callbacks | the first callback that no executor runs | another one |
 
 All are daemons, so that the interpreter does not wait for them before it runs the exit handlers, which end
-them. No thread begins after that, see ``threads.py``. A forked child has none of them, and starts its own at their first use; what its parent's inboxes were
-doing is lost there. The threads that spin nodes are in ``tf2_ros._nodes.spinner``.
+them. No thread begins after that, see ``threads.py``. A forked child has none of them, and starts its own at
+their first use; what its parent's inboxes were doing is lost there. The threads that spin nodes are in
+``tf2_ros._nodes.spinner``.
 """

@@ -67,14 +67,12 @@ def _begin(thread: threading.Thread, begun: LockType, runs_here: bool) -> None:
     # In a thread of its own, where no signal handler runs. `Thread.start` waits for the new thread in Python:
     # what a handler raises there surfaces as an error of a lock, or the new thread waits forever.
     try:
-        thread.start()
-    except (RuntimeError, MemoryError):  # this thread could be started, another one cannot
-        has_begun = False
-    else:
-        has_begun = True
-    _beginning.discard(begun)
-    begun.release()
-    if runs_here and not has_begun:
+        with suppress(RuntimeError, MemoryError):  # this thread could be started, another one cannot
+            thread.start()
+    finally:
+        _beginning.discard(begun)
+        begun.release()
+    if runs_here and thread.ident is None:
         thread.run()
 
 

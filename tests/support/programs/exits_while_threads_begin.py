@@ -3,7 +3,7 @@
 """
 Ends while a thread has been started, and has not begun.
 
-Argument: what starts the thread. Those that begin with "interrupted" wait for it until a signal handler raises.
+Argument: what starts the thread; after "interrupted", a signal handler raises while that waits for it.
 """
 
 import signal

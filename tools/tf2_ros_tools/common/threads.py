@@ -42,10 +42,12 @@ def start_and_wait(thread: threading.Thread) -> None:
 def _begin(thread: threading.Thread, begun: LockType) -> None:
     # In a thread of its own, where no signal handler runs: what one raised would interrupt `Thread.start`
     # while it holds a lock that the new thread needs.
-    with suppress(RuntimeError, MemoryError):  # the thread has no identifier then
-        thread.start()
-    _beginning.discard(begun)
-    begun.release()
+    try:
+        with suppress(RuntimeError, MemoryError):  # the thread has no identifier then
+            thread.start()
+    finally:
+        _beginning.discard(begun)
+        begun.release()
 
 
 @atexit.register

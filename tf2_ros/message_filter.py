@@ -496,7 +496,7 @@ class MessageStream(Generic[_Message]):
     async def __anext__(self) -> tuple[_Message, TransformStamped]:
         while True:
             with LOCK:
-                if self.arrival.done():
+                if self.arrival.has_ended():  # or what awaited it was cancelled
                     self.arrival = self._filter._new_arrival()
                 arrival = self.arrival
             # First this, then the check; who appends an item does this in the opposite order.

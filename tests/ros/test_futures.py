@@ -7,6 +7,7 @@ import gc
 import re
 import signal
 import subprocess
+import sys
 import threading
 import time
 import weakref
@@ -395,6 +396,72 @@ class TestAwaiting:
 
         asyncio.run(main())
         assert not future.wakers and not buffer._tf2_kept
+
+    @pytest.mark.parametrize("how", ["task", "wait_for", "timeout", "group", "closed"])
+    @pytest.mark.parametrize("held", [False, True])
+    def test_one_that_is_cancelled_ends_the_wait_at_once_and_silently(self, buffer, how, held, capfd):
+        async def look_up():
+            if not held:
+                return await buffer.lookup_transform_async("map", "robot", at(1), timeout=0.05)
+            future = wait(buffer, at(1), timeout=0.05)
+            return await future
+
+        async def interrupted():
+            if how == "wait_for":
+                await asyncio.wait_for(look_up(), 0.01)
+            elif how == "timeout":
+                async with asyncio.timeout(0.01):
+                    await look_up()
+            elif how == "group":
+                async with asyncio.TaskGroup() as group:
+                    group.create_task(look_up())
+                    await asyncio.sleep(0)
+                    raise KeyError
+            else:
+                await look_up()
+
+        async def main():
+            task = asyncio.ensure_future(interrupted())
+            await asyncio.sleep(0)
+            if how == "task":
+                task.cancel()
+            with pytest.raises(BaseException) as kept:
+                await task
+            assert type(kept.value).__name__ in ("CancelledError", "TimeoutError", "ExceptionGroup")
+            assert buffer.statistics()["waiters"] == 0
+            await asyncio.sleep(0.1)
+            return task, kept
+
+        if how in ("timeout", "group") and sys.version_info < (3, 11):
+            pytest.skip("asyncio lacks it")
+        if how == "closed":
+            coroutine = look_up()
+            coroutine.send(None)
+            assert buffer.statistics()["waiters"] == 1
+            coroutine.close()
+            assert buffer.statistics()["waiters"] == 0
+        else:
+            asyncio.run(main())
+        gc.collect()
+        assert capfd.readouterr().err == ""
+
+    @pytest.mark.parametrize("also", ["another task", "a callback"])
+    def test_one_that_is_cancelled_leaves_the_wait_to_others(self, buffer, also):
+        future = wait(buffer)
+
+        async def main():
+            count = 2 if also == "another task" else 1
+            tasks = [asyncio.ensure_future(await_it(future)) for _ in range(count)]
+            if also == "a callback":
+                future.add_done_callback(lambda _: None)
+            await asyncio.sleep(0)
+            tasks[0].cancel()
+            await asyncio.sleep(0)
+            assert not future.cancelled()
+            insert(buffer)
+            return await (tasks[1] if also == "another task" else future)
+
+        assert asyncio.run(main()).child_frame_id == "robot"
 
     def test_a_task_of_asyncio_that_nobody_refers_to_goes_on(self, buffer):
         done = []

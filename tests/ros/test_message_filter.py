@@ -697,6 +697,18 @@ class TestIterating:
 
         assert asyncio.run(main())[0].header.stamp.sec == 1
 
+    def test_a_cancelled_step_of_two_leaves_the_other_waiting(self, filter):
+        async def main():
+            iteration = filter.__aiter__()
+            steps = [asyncio.ensure_future(iteration.__anext__()) for _ in range(2)]
+            await asyncio.sleep(0)
+            steps[0].cancel()
+            await asyncio.sleep(0)
+            filter.add(point("1@map"))
+            return await asyncio.wait_for(steps[1], DEADLINE_S)
+
+        assert asyncio.run(main())[0].header.stamp.sec == 1
+
     def test_threads_that_share_an_iteration_get_each_message_once_and_all_end(self, filter):
         iteration, count = filter.__aiter__(), 2000
         got = [[] for _ in range(4)]

@@ -29,13 +29,10 @@ class Changes:
     async def __anext__(self) -> TransformStamped:
         found: TransformStamped | None = None
         while found is None:
-            future = TransformFuture(self._buffer, self._begin)
             try:
-                await future
+                await TransformFuture(self._buffer, self._begin)
             except TimeoutException:  # without a timeout: a shutdown
                 raise StopAsyncIteration from None
-            finally:
-                future.cancel()  # after a cancelled step, what this refers to would go on waiting
             found = self._begun.take(again=True)  # None: it has become too old before this ran
         self._delivered = self._begun
         return found

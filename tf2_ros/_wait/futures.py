@@ -86,14 +86,14 @@ class WakingFuture(PendingFuture, Future, Generic[_Result]):
         Sleep until it has ended; then return its result, None if it was cancelled, or raise its exception.
 
         Where the awaiting coroutine is cancelled or closed, Python raises at the ``yield``, and what would
-        have woken it is removed. The future itself is not cancelled: it waits on as long as something refers
-        to it. Usually only the coroutine and the traceback of the cancellation do, and its waiter ends with
-        them, because the engine refers to the future weakly (``end_referred``).
+        have woken it is removed. As in asyncio, the future is then cancelled, too, unless something else
+        awaits it, or it has a callback: otherwise, what refers to the coroutine or to the traceback of the
+        cancellation would have it wait on, and report an error that nobody awaits.
         """
         if self.is_dead():
             raise RuntimeError(f"{self!r}: create the future after the fork")
         if not self.has_ended():
-            sleeper = _sleeper(self)
+            sleeper, is_cancelled = _sleeper(self), True
             try:
                 if sleeper is None:  # what drives the coroutine must resume it until it ends
                     while not self.has_ended():
@@ -102,11 +102,14 @@ class WakingFuture(PendingFuture, Future, Generic[_Result]):
                     self.kept[sleeper] = None
                     self.add_done_callback(sleeper)
                     yield from sleeper.sleep(self)
+                is_cancelled = False
             finally:
                 if sleeper is not None:
                     sleeper.awake = True
                     self.remove_done_callback(sleeper)
                     self.kept.pop(sleeper, None)
+                if is_cancelled and not self.wakers and not self.done_callbacks:
+                    self.cancel()
                 if self.has_ended():
                     self.exception()  # of a cancelled coroutine, nobody else fetches it
         return self.result()

@@ -43,7 +43,9 @@ from tf2_ros_cython._ros_presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
     import rclpy
+    import rclpy.action  # programs use it after `import rclpy` alone, because tf2's package imports it
     from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
+    from rclpy.action import ActionClient
     from rclpy.duration import Duration
     from rclpy.node import Node
     from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
@@ -60,17 +62,14 @@ if TYPE_CHECKING or HAS_ROS:
     from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
 
 if TYPE_CHECKING:
-    from rclpy.action import ActionClient
-
     from tf2_msgs.action import LookupTransform
     from tf2_ros import buffer_client
     from tf2_ros.buffer_client import BufferClient, LookupTransformGoal, LookupTransformResult
     from tf2_ros.buffer_server import BufferServer as BufferServer
     from tf2_ros.static_transform_listener import StaticTransformListener as StaticTransformListener
 elif HAS_ROS:
-    # Few programs use these, and rclpy's actions load slowly.
+    # Few programs use these.
     _LATER = {
-        "ActionClient": "rclpy.action",
         "BufferClient": "tf2_ros.buffer_client",
         "BufferServer": "tf2_ros.buffer_server",
         "LookupTransform": "tf2_msgs.action",

@@ -5,9 +5,8 @@
 from typing import Any
 
 from tf2_py import stored_name
-from tf2_py._internal import MalformedObjectError
 from tf2_ros._arguments import kind_of
-from tf2_ros._registration import how_without_header
+from tf2_ros._registration import UnstampedError, how_without_header
 
 
 def valid_prefix(prefix: str) -> str:
@@ -35,5 +34,5 @@ def source_of(stamped: Any, prefix: str) -> tuple[Any, Any]:
         header = stamped.header
     except AttributeError:
         text = f"object_stamped: expected an object with a header, got {kind_of(stamped)}"
-        raise MalformedObjectError(f"{text}{how_without_header(type(stamped))}") from None
+        raise UnstampedError(f"{text}{how_without_header(type(stamped))}") from None
     return frame_of(header, prefix) if prefix else header.frame_id, header.stamp

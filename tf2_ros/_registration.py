@@ -9,6 +9,7 @@ from collections.abc import Callable
 from copy import deepcopy
 from typing import Any, TypeVar, cast
 
+from tf2_py._internal import MalformedObjectError
 from tf2_ros._messages import TransformStamped
 
 _Object = TypeVar("_Object")
@@ -44,6 +45,10 @@ class TypeException(Exception):
     def __init__(self, errstr: str) -> None:
         super().__init__(errstr)
         self.errstr = errstr
+
+
+class UnstampedError(TypeException, MalformedObjectError):
+    """An object of a registered type has no header; tf2 registers fewer types, and raises TypeException."""
 
 
 # The functions by type, and for conversions between two types by the pair of them.

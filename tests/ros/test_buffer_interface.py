@@ -77,8 +77,16 @@ class TestTransform:
         ):
             assert (type(got), got.x) == (OtherThing, 12)
         del thing.header
-        with pytest.raises(AttributeError, match="header"):
-            buffer.transform(thing, "map")
+        calls = (
+            lambda: buffer.transform(thing, "map"),
+            lambda: buffer.transform_full(thing, "map", at(1), "map"),
+            lambda: buffer.transform_async(thing, "map").send(None),
+        )
+        for call in calls:
+            with pytest.raises(interface.TypeException, match="header") as caught:
+                call()
+            assert isinstance(caught.value, (AttributeError, TypeError))
+            assert caught.value.errstr == str(caught.value)
 
     def test_the_timeout_reaches_the_lookup(self, buffer, executor, tf2_py):
         thing = Thing(10, time=at(3))

@@ -8,9 +8,16 @@ from tf2_py._internal import FOR_EVER_NS, duration_ns
 
 
 def require_callable(method: str, callback: object) -> None:
-    """Raise a TypeError if what a method is to call cannot be called."""
+    """Raise a TypeError if what a method is to call cannot be called, or would have to be awaited."""
+    import inspect  # here, because importing it takes longer than all else in this module
+
     if not callable(callback):
         raise TypeError(f"{method}: expected a function, got {kind_of(callback)}")
+    if inspect.iscoroutinefunction(callback) or inspect.iscoroutinefunction(type(callback).__call__):
+        raise TypeError(
+            f"{method}: expected an ordinary function, got an async one, which nothing would await: have the "
+            "function create a task, or use async for"
+        )
 
 
 def optional_timeout_ns(timeout: Any, argument: str = "timeout") -> int | None:

@@ -3,6 +3,7 @@
 """Arguments: what is a time or a timeout in every call, and what is said of wrong ones."""
 
 import asyncio
+import functools
 import inspect
 import math
 import re
@@ -321,6 +322,23 @@ def test_a_broadcaster_sends_only_transforms(tf2_ros, node, name, strict, kind):
         assert broadcaster.net_message.transforms == []
 
 
+async def awaits(*_):
+    """Nobody would await this."""
+
+
+class Awaits:
+    async def __call__(self, *_):
+        """Nobody would await this."""
+
+
+def test_what_nobody_would_await_is_refused(buffer):
+    for wrong in (awaits, Awaits()):
+        with pytest.raises(TypeError, match="^on_change: .* got an async one"):
+            buffer.on_change("map", "base", wrong)
+        with pytest.raises(TypeError, match="^add_source: .* got an async one"):
+            buffer.add_source("this test", wrong)
+
+
 def test_a_filter_refuses_wrong_inputs_callbacks_and_messages(tf2_ros, node, buffer):
     expected = "input: expected (message type, topic, qos), in this order, and a type with a header"
     with pytest.raises(
@@ -331,6 +349,9 @@ def test_a_filter_refuses_wrong_inputs_callbacks_and_messages(tf2_ros, node, buf
         for register in ("registerCallback", "registerFailureCallback"):
             with pytest.raises(TypeError, match=f"^{register}: expected a function, got str$"):
                 getattr(points, register)("callback")
+            for wrong in (awaits, functools.partial(awaits, 1), Awaits(), Awaits().__call__):
+                with pytest.raises(TypeError, match=f"^{register}: .* ordinary function, got an async one"):
+                    getattr(points, register)(wrong)
         assert points.callbacks == {}
         with pytest.raises(TypeError, match="^message: expected a header .*, got the class PointStamped"):
             points.add(PointStamped)

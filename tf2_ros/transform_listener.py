@@ -143,7 +143,7 @@ class TransformListener:
     tf_sub: Subscription | None = None
     tf_static_sub: Subscription | None = None
 
-    _tf2_state: ListenerState
+    _tf2_state = ListenerState()  # until __new__, which a signal handler may interrupt, has made its own
 
     __signature__ = _SignatureOfInit()
 

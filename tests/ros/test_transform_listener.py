@@ -355,6 +355,17 @@ class TestEnd:
             listener.__del__()
         assert listener.receives == () and listener.tf_sub is None
 
+    def test_one_whose_making_a_signal_interrupts_ends_in_silence(self, tf2_ros, monkeypatch, capfd):
+        def interrupted():
+            raise KeyboardInterrupt
+
+        module = sys.modules[tf2_ros.TransformListener.__module__]
+        monkeypatch.setattr(module, "ListenerState", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            tf2_ros.TransformListener(None)
+        gc.collect()
+        assert capfd.readouterr().err == ""
+
     @pytest.mark.parametrize("how", ["unspun", "hidden", "shutdown", "waiting", "future", "called back"])
     def test_the_interpreter_exits_without_output(self, how, inserter):
         done = run(sys.executable, PROGRAMS / "exits_while_active.py", how, inserter)

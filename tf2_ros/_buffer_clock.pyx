@@ -76,7 +76,7 @@ cdef class BufferClock(ClockHook):
             self._readings += 1
             self._shown_ns, self._steady_ns = reading.now_ns, monotonic_ns()
             if is_back and buffer._tf2_sources.has_any:
-                buffer.time_jump_callback(None)
+                buffer._tf2_jumped_back()
         return True
 
     cdef int64_t now_ns(self) except? -1:

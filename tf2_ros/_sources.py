@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from tf2_py import BufferCore
 from tf2_py.printable import printable
 from tf2_ros._live_objects import LiveObjects
+from tf2_ros._process.background import background
 from tf2_ros._process.forking import LOCK
 from tf2_ros_cython._ros_presence import HAS_ROS
 
@@ -64,6 +65,10 @@ class BufferSource:
     def why_ended(self) -> str:
         """Return why it has ended, as a text for errors; ``""`` while it fills the buffer."""
         return self._why_ended
+
+    def is_asked(self) -> bool:
+        """Whether `silence` calls a function of the program."""
+        return self._silence is not None and not self._why_ended
 
     def silence(self, with_static: bool) -> str:
         """Say what this has not received, see :meth:`Buffer.add_source`."""
@@ -149,13 +154,20 @@ def silence_of(buffer: BufferCore) -> tuple[str, str]:
     listeners = [one for one in _listeners if getattr(one, "buffer", None) is buffer]
     topics = [topic for one in listeners for topic in one._tf2_state.topics]
     topics = [topic for topic in topics if topic.is_own and topic.is_open()]
-    own = [one for one in sources.known if isinstance(one, BufferSource)]
+    own: list[BufferSource] = []
+    if not background.is_here():  # there, only timeouts need them, which ask elsewhere
+        own = [one for one in sources.known if isinstance(one, BufferSource)]
 
     def clause(with_static: bool) -> str:
         silent = _silent([one for one in topics if with_static or not one.is_static])
         return " and ".join(filter(None, [silent, *[one.silence(with_static) for one in own]]))
 
     return clause(True), clause(False)
+
+
+def asks_program(buffer: object) -> bool:
+    """Whether an error of this buffer calls a function of a program, see :meth:`Buffer.add_source`."""
+    return any(isinstance(one, BufferSource) and one.is_asked() for one in sources_of(buffer).known)
 
 
 def _silent(topics: Iterable[Any]) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from os import PathLike
+from threading import get_ident
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import tf2_py as tf2
@@ -17,7 +18,7 @@ from tf2_py.typing import DurationLike, DurationsLike, LookupPolicy, TimeLike, U
 from tf2_ros._arguments import kind_of, require_callable
 from tf2_ros._buffer_clock import JUMP_BACK_NS, BufferClock
 from tf2_ros._messages import TransformStamped
-from tf2_ros._process.background import check_regularly
+from tf2_ros._process.background import background, check_regularly
 from tf2_ros._sources import BufferSource, Sources, add_node, add_source, silence_of
 from tf2_ros._wait.changes_iterator import Changes
 from tf2_ros._wait.futures import TransformFuture, WakingFuture, end_for
@@ -63,7 +64,9 @@ _Opened = TypeVar("_Opened", bound="Buffer")
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
 # What belongs to one buffer; a copy has its own.
-_OF_INIT = frozenset("registration _tf2_kept _tf2_sources srv jump_handle _tf2_node _tf2_clock".split())
+_OF_INIT = frozenset(
+    "registration _tf2_kept _tf2_sources srv jump_handle _tf2_node _tf2_clock _tf2_cleared_for".split()
+)
 
 
 class Buffer(BufferCore, BufferInterface):
@@ -119,6 +122,7 @@ class Buffer(BufferCore, BufferInterface):
 
     _tf2_node: "weakref.ref[Node] | None" = None  # whose clock it follows
     _tf2_clock: BufferClock | None = None
+    _tf2_cleared_for = 0  # in which thread time_jump_callback need not clear
 
     def __init__(
         self,
@@ -546,13 +550,32 @@ class Buffer(BufferCore, BufferInterface):
             require_callable("add_source", silence)
         return add_source(self, name, silence)
 
+    def _tf2_jumped_back(self) -> None:
+        """React to a clock that was set back, which a reading of it has noticed in any thread."""
+        if background.is_here():
+            # Such code runs later, and until then, no old data may look fresh.
+            hand_over = partial(end_for, self)
+            BufferCore._tf2_clear(self, hand_over)
+            hand_over(self.__call_after_clear)
+        else:
+            self.time_jump_callback(None)
+
+    def __call_after_clear(self) -> None:
+        """Call what a program may have overridden, in one of its threads; it clears nothing once more."""
+        self._tf2_cleared_for = get_ident()
+        try:
+            self.time_jump_callback(None)
+        finally:
+            self._tf2_cleared_for = 0
+
     def time_jump_callback(self, time_jump: "TimeJump | None") -> None:
         """
         Clear the buffer, and log a warning.
 
         :param time_jump: how the clock jumped; not used, but for subclasses.
         """
-        self.clear()  # first, because a log line takes time, in which old data would be used
+        if self._tf2_cleared_for != get_ident() or type(self).clear is not BufferCore.clear:
+            self.clear()  # first, because a log line takes time, in which old data would be used
         log.logger("tf2_buffer").warning("Detected jump back in time. Clearing TF buffer.")
         node = None if self._tf2_node is None else self._tf2_node()
         names = [] if node is None else clock_publishers(node)

@@ -49,6 +49,53 @@ class TestClocks:
         insert(buffer, "map", "base", 97)
         assert buffer.ages("map", "base") == {"base": 1.0}
 
+    @pytest.mark.parametrize("overrides", [None, "time_jump_callback", "clear"])
+    def test_a_jump_back_that_the_background_thread_notices_runs_nothing_there(self, overrides):
+        may_go_on, calls = threading.Event(), []
+
+        def called(buffer):
+            calls.append((threading.current_thread().name, buffer.statistics()["samples"]))
+            may_go_on.wait(DEADLINE_S)
+
+        class Mine(tf2_ros.Buffer):
+            if overrides == "time_jump_callback":
+
+                def time_jump_callback(self, time_jump):
+                    called(self)
+                    super().time_jump_callback(time_jump)
+
+            if overrides == "clear":
+
+                def clear(self):
+                    called(self)
+
+        buffer = Mine()
+        buffer.add_source("this test")
+        buffer.clock = self.Clock()
+        insert(buffer, "map", "base", 99)
+        buffer.ages("map", "base")
+        for name in ("odom", "x", "y"):  # a loop, which the end of the dynamic transform opens
+            buffer.set_transform_static(transform("map" if name == "odom" else "odom", name), "test")
+        buffer.set_transform(transform("odom", "map", 99), "test")
+        loop = buffer.wait_for_transform_async("x", "y", 99 * S)
+        loop.add_done_callback(lambda _: calls.append((threading.current_thread().name, None)))
+        subscription = buffer.on_change("map", "other", calls.append, max_age=1)
+        buffer.clock.ns = 90 * S
+        until(lambda: "base" not in buffer.histories())
+        until(lambda: any(count is not None for _, count in calls) if overrides else loop.done())
+        if overrides:
+            insert(buffer, "map", "base", 89)
+        # No timeout is late.
+        future = tf2_ros.Buffer().wait_for_transform_async("map", "base", 0, timeout=0.01)
+        until(future.done)
+        assert isinstance(future.exception(), tf2_ros.TimeoutException)
+        may_go_on.set()
+        if overrides:
+            assert buffer.ages("map", "base") == {"base": 1.0}  # what came after the jump stays
+        until(loop.done)
+        assert {name for name, _ in calls} == {"tf2_ros callbacks"}
+        subscription.cancel()
+
     @pytest.mark.parametrize("how", ["filled by the program", "copied"])
     def test_a_jump_back_clears_only_what_a_source_fills(self, buffer, how):
         if how == "copied":

@@ -6,11 +6,12 @@ import asyncio
 import copy
 import gc
 import pickle
+import threading
 import weakref
 
 import pytest
 from times_and_transforms import S, insert
-from waiting import DEADLINE_S, once_waiting
+from waiting import DEADLINE_S, once_waiting, until
 
 import tf2_ros
 
@@ -103,6 +104,25 @@ class TestSources:
         source.end()
         with pytest.raises(tf2_ros.ExtrapolationException, match=r"is 1\.000000000 s too old$"):
             buffer.lookup_transform("map", "base", 6 * S)
+
+    def test_what_a_source_says_at_a_timeout_delays_no_other_timeout(self, buffer):
+        may_go_on, threads = threading.Event(), []
+
+        def silence(_):
+            threads.append(threading.current_thread().name)
+            may_go_on.wait(DEADLINE_S)
+            return "it sleeps"
+
+        buffer.add_source("the arm", silence)
+        slow = buffer.wait_for_transform_async("map", "arm", 0, timeout=0.01)
+        until(lambda: threads)
+        future = tf2_ros.Buffer().wait_for_transform_async("map", "base", 0, timeout=0.01)
+        until(future.done)
+        may_go_on.set()
+        until(slow.done)
+        assert isinstance(future.exception(), tf2_ros.TimeoutException)
+        assert "it sleeps" in str(slow.exception())
+        assert {*threads} == {"tf2_ros callbacks"}
 
     def test_of_several_all_say_it(self, buffer):
         buffer.add_source("one", lambda _: "nothing has been received on /one")

@@ -7,6 +7,8 @@ from __future__ import annotations
 import logging
 import sys
 import traceback
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from tf2_py._objects.errors import IN_1970, seconds
@@ -49,10 +51,32 @@ REFUSALS = (
 OLD_DATA = 1 << 8
 
 
+# In a thread that runs no code of a program, has another one call this, and returns True.
+run_elsewhere: Callable[[Callable[[], object]], bool] | None = None
+
+
+class _PythonsLogger:
+    """Logs with Python's logger of this name, whose handlers may be code of a program."""
+
+    def __init__(self, name: str) -> None:
+        self._logger = logging.getLogger(name)
+
+    def warning(self, text: str) -> None:
+        self._log(logging.WARNING, text)
+
+    def error(self, text: str) -> None:
+        self._log(logging.ERROR, text)
+
+    def _log(self, level: int, text: str) -> None:
+        log = partial(self._logger.log, level, text)
+        if run_elsewhere is None or not run_elsewhere(log):
+            log()
+
+
 def logger(name: str = "tf2_py") -> Any:
     """The logger of this name: rclpy's, or Python's if the program has not imported rclpy."""
     # Not imported here: in a forked child, that could wait forever for a thread of the parent.
-    get_logger = getattr(sys.modules.get("rclpy.logging"), "get_logger", logging.getLogger)
+    get_logger = getattr(sys.modules.get("rclpy.logging"), "get_logger", _PythonsLogger)
     return get_logger(name)
 
 

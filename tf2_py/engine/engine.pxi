@@ -364,7 +364,7 @@ cdef class Engine:
                 errors.append(raised)
         return errors[0] if errors else None
 
-    cdef bint remove(self, const char* name, size_t size) except -1:
+    cdef bint remove(self, const char* name, size_t size, object hand_over=None) except -1:
         cdef Batch batch
         cdef bint had_samples = True
         cdef FrameId frame
@@ -379,7 +379,7 @@ cdef class Engine:
         self._begin_to_wake_all(&batch)
         unlock_written(&self._lock, &self._tree, &self._waiters)
         self._advice.forget()
-        self._wake_all(&batch)
+        self._wake_all(&batch, hand_over)
         return had_samples
 
     cdef int start_over(self, const Retention* retention, const Limits* limits) except -1:
@@ -528,6 +528,10 @@ cdef class Engine:
     def _tf2_follow_clock(self, ClockHook clock):
         """Count ages by this clock from now on. None: there is no clock."""
         self._followed_clock = clock
+
+    def _tf2_clear(self, hand_over):
+        """As ``clear``; ``hand_over`` is called with what runs code of a program."""
+        self.remove(NULL, 0, hand_over)
 
     def _tf2_clock_jumped(self, hand_over=None):
         """

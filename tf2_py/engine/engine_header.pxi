@@ -57,7 +57,7 @@ cdef class Engine:
     cdef void count_malformed(self) noexcept nogil
     cdef object malformed(self, const Batch* batch, size_t size, str topic=*)
     # Removes every dynamic transform; or, with a name, all of one frame. Returns whether there was any.
-    cdef bint remove(self, const char* name, size_t size) except -1
+    cdef bint remove(self, const char* name, size_t size, object hand_over=*) except -1
     # Resets the engine as if it were new; pending waits go on.
     cdef int start_over(self, const Retention* retention, const Limits* limits) except -1
     # The state for pickles and copies. It names the frozen file from which the buffer was opened; or, if the

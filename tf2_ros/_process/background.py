@@ -15,7 +15,10 @@ import sys
 import time
 import weakref
 from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
 from heapq import heapify, heappop, heappush
+from threading import get_ident
 from typing import Any, Protocol, TypeAlias
 
 from tf2_py._internal import log
@@ -63,6 +66,7 @@ class Background:
         self._heap: list[_Entry] = []
         self._added: deque[_Entry] = deque()
         self._numbers = itertools.count()
+        self._thread = 0  # its identifier
         self._sleeps_until_ns = 0  # 0: the thread is awake, and will look at what was added
         self._sweep_at = FEW
         self._checks = _Checks(self)
@@ -71,6 +75,18 @@ class Background:
     def entries(self) -> list[_Entry]:
         """All that is not due yet, and some of what has ended."""
         return [*self._heap, *self._added]
+
+    def is_here(self) -> bool:
+        """Whether this runs in the thread, in which no code of a program may."""
+        return get_ident() == self._thread
+
+    def run_elsewhere(self, call: Callable[[], object]) -> bool:
+        """In the thread, have the thread for callbacks call this; elsewhere return False."""
+        if not self.is_here():
+            return False
+        with suppress(RuntimeError):  # no thread can be started: what is put next tries again
+            callbacks.put(call)
+        return True
 
     def start(self) -> None:
         """
@@ -99,7 +115,7 @@ class Background:
         self._checks.add(checked)
 
     def _run(self) -> None:
-        goes_on = True
+        goes_on, self._thread = True, get_ident()
         while goes_on:
             call_logged(self._inboxes.report_next, "In the background thread")
             until_ns = self._expire_due()
@@ -173,6 +189,7 @@ class _Checks:
 
 
 background = Background()
+log.run_elsewhere = background.run_elsewhere
 check_regularly = background.check_regularly
 
 

@@ -14,6 +14,8 @@ import weakref
 from collections import OrderedDict
 
 from tf2_py import BufferCore, ExtrapolationException
+from tf2_ros._process.background import background
+from tf2_ros._sources import asks_program
 from tf2_ros._wait.call_queue import end_by
 
 PASSED, CLEARED = "passed", "cleared"   # what became of a message that was not dropped
@@ -159,7 +161,7 @@ cdef class FilteredMessage(Pending):
     cdef readonly str frame
     cdef readonly int64_t stamp_ns
     cdef FilterCalls _calls
-    cdef object _outcome, _warn
+    cdef object _outcome, _warn, _buffer
 
     def __init__(self, FilterCalls calls not None, call_queue, message, str frame, int64_t stamp_ns, outcome,
                  warn):
@@ -176,6 +178,7 @@ cdef class FilteredMessage(Pending):
         :param policy: of ``policy_of``.
         """
         cdef WaitsForAll several = None
+        self._buffer = buffer
         if len(needed) > 1:
             several = self.wait = WaitsForAll(len(needed))
         for frame, ns in needed:
@@ -210,6 +213,8 @@ cdef class FilteredMessage(Pending):
 
     def expire(self):
         """At the timeout: drop the message; in the executor that has the node, if one does."""
+        if asks_program(self._buffer) and background.run_elsewhere(self.expire):
+            return
         end_by(self.call_queue, self.end_or_queue(*self._outcome(self, self._calls._reasons.TIMEOUT)))
 
     cdef bint _runs_user_code(self) except -1:

@@ -16,7 +16,7 @@ from tf2_ros._messages import TransformStamped
 from tf2_ros._process.background import NEVER_NS, background
 from tf2_ros._process.forking import FORKED, is_inherited
 from tf2_ros._running_loop import running_loop
-from tf2_ros._sources import Shutdown
+from tf2_ros._sources import Shutdown, asks_program
 from tf2_ros._wait.asyncio_tasks import LoopWaker
 from tf2_ros._wait.pending import PendingFuture, end_referred
 from tf2_ros_cython._ros_presence import HAS_ROS
@@ -190,6 +190,8 @@ class TransformFuture(WakingFuture[TransformStamped]):
         """End with an answer that is there; at the timeout or after a shutdown, with a TimeoutException."""
         wait = self.wait
         if wait is None or self.over():
+            return
+        if asks_program(self.__core()) and background.run_elsewhere(self.expire):
             return
         reason = wait.reason()  # first: what is inserted in between answers
         answer, error = wait.outcome(), None

@@ -306,6 +306,12 @@ def test_a_silent_publisher_is_a_problem_of_qos_only_after_the_discovery(monkeyp
     assert found.kind == "qos" and found.text.endswith(": /robot publishes it, but has sent nothing")
 
 
+def test_the_lines_of_a_text_are_logged_as_lines(capsys):
+    with Feed(wire=Wire()) as feed:
+        FeedSession(feed, "x://robot").info("Waiting for a\x1b\nKnown frames: none")
+    assert capsys.readouterr().err == "[INFO] Waiting for a\\x1b\nKnown frames: none\n"
+
+
 def test_a_wire_ends_a_feed():
     with Feed(name="x://robot", wire=(wire := Wire())) as feed:
         wire.take(message(), False)

@@ -38,7 +38,8 @@ class FeedSession:
             raise RunError(why)
 
     def info(self, text: str) -> None:
-        sys.stderr.write(f"[INFO] {printable(text)}\n")
+        lines = "\n".join(map(printable, text.split("\n")))
+        sys.stderr.write(f"[INFO] {lines}\n")
 
     def log_no_refusals(self) -> None:
         logging.getLogger("tf2_py").setLevel(logging.CRITICAL + 1)

@@ -234,7 +234,7 @@ class TestKeys:
         streams = stream("c", rate=20.0, delay=0.0), stream("b", rate=10.0, delay=5.0), stream("a", delay=1.0)
         rows, _, summary, _ = played(*streams, keys=key)
         assert "".join(row[0] for row in rows) == order
-        assert summary == f"3 frames, 0 problems here, by {what}"
+        assert summary == f"4 frames, 0 problems here, by {what}"
 
     def test_frames_with_problems_are_first(self):
         twice = Finding("publishers", "c", "…")

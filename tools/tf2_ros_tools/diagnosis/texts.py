@@ -58,10 +58,13 @@ def lines_of(wrong: Sequence[Finding], streams: Sequence[Stream], of_what: str) 
     :param of_what: how much was received, for example ``12 messages, 5 s``.
     """
     yield from map(line_of, wrong)
-    # Including roots, as in the list of trees.
-    names = {name for stream in streams for name in (stream.frame, stream.parent)}
     verdict = counted(len(wrong), "problem") if wrong else "no problems"
-    yield f"{verdict} in {counted(len(names), 'frame')} ({of_what})"
+    yield f"{verdict} in {frame_count(streams)} ({of_what})"
+
+
+def frame_count(streams: Sequence[Stream]) -> str:
+    """Count the frames, including roots, as in the list of trees."""
+    return counted(len({name for stream in streams for name in (stream.frame, stream.parent)}), "frame")
 
 
 def conclude(options: Namespace, report: Any, of_what: str, head: Mapping[str, Any]) -> int:

@@ -23,7 +23,7 @@ from tf2_py import FrameInfo
 from tf2_py.printable import counted, printable
 from tf2_ros_tools.common.program import RunError
 from tf2_ros_tools.diagnosis.stream_statistics import Stream
-from tf2_ros_tools.diagnosis.texts import milliseconds, rate_text
+from tf2_ros_tools.diagnosis.texts import frame_count, milliseconds, rate_text
 from tf2_ros_tools.listening.session import Report
 
 Kinds = defaultdict[str, list[str]]  # of findings, by frame
@@ -241,8 +241,7 @@ class _Screen(App[None]):
             self.query_one(VerticalScroll).display = bool(problems)
 
     def _summary(self, report: Report) -> str:
-        frames = counted(len({stream.frame for stream in report.streams}), "frame")
-        found = counted(len(report.findings), "problem")
+        frames, found = frame_count(report.streams), counted(len(report.findings), "problem")
         text = printable(
             f"{frames}, {found} {self._source}, {'as a' if self._order == 'tree' else 'by'} {self._order}"
         )

@@ -4,10 +4,11 @@
 Convert times and durations to nanoseconds.
 
 rclpy's Time and Duration keep their number behind two properties, one in Python and one of pybind11. Through
-these, a lookup takes 0.8 us instead of 0.45. Reading a Time directly relies on this: ``_time_handle`` is a
-pybind11 object, which holds, directly after the object head, a pointer to rcl's ``rcl_time_point_t``, which
-begins with the nanoseconds. This is checked once, with Times of known numbers; if it does not hold, the
-property is called. Tested with rclpy of ROS 2 Jazzy (CPython 3.10 to 3.13) and Kilted (to 3.14).
+these, a lookup takes 0.8 us instead of 0.45. Reading one directly relies on this: ``_time_handle``, or
+``_duration_handle``, is a pybind11 object, which holds, directly after the object head, a pointer to rcl's
+``rcl_time_point_t`` or ``rcl_duration_t``, which begin with the nanoseconds. This is checked once, with
+objects of known numbers; if it does not hold, the property is called. Tested with rclpy of ROS 2 Jazzy
+(CPython 3.10 to 3.13) and Kilted (to 3.14).
 """
 
 TIMES_TO_USE = (
@@ -17,13 +18,12 @@ TIMES_WITHOUT_ROS = "an int of nanoseconds, as round(seconds * 1e9), a datetime6
 DURATION_TO_USE = "Duration(seconds=...)"
 # Integers that mean years in seconds, and 0.1 s to a day in nanoseconds.
 LIKE_NANOSECONDS = range(10**8, 10**14)
-FOR_EVER_NS = 2**62     # 146 years; added to a steady time, it still fits into 64 bits
+cdef int64_t _FOR_EVER_NS = <int64_t>1 << 62
+FOR_EVER_NS = _FOR_EVER_NS     # 146 years; added to a steady time, it still fits into 64 bits
 
 cdef int64_t MAX_SECONDS = INT64_MAX // NS_PER_S
 
 cdef Layout time_layout = None
-cdef object _time_class = None      # rclpy's class that was looked at, or None
-cdef object _handle_class = None    # the class of its handles; None: not readable directly
 cdef bint _lacks_rclpy = False      # as the first search found; each takes 40 us, and a lock of imports
 
 
@@ -54,41 +54,63 @@ cdef int64_t _from_parts(object sec, object nanosec) except? -1:
     return whole_number(int(sec) * NS_PER_S + int(nanosec), "sec and nanosec")
 
 
-cdef object _rclpy_time():
+cdef object _rclpy_class(str module, str name):
     # None if it was never imported, because then no object of the class exists.
-    return getattr(sys.modules.get("rclpy.time"), "Time", None)
+    return getattr(sys.modules.get(f"rclpy.{module}"), name, None)
 
 
 cdef str _times_to_use():
-    return TIMES_WITHOUT_ROS if _rclpy_time() is None else TIMES_TO_USE
+    return TIMES_WITHOUT_ROS if _rclpy_class("time", "Time") is None else TIMES_TO_USE
 
 
 cdef inline int64_t* _handle_ns(object handle):
     return (<int64_t**>(<char*><PyObject*>handle + sizeof(PyObject)))[0]
 
 
-cdef int _look_at_time_class(cls) except -1:
-    global _time_class, _handle_class
-    cdef int64_t known_ns
-    _time_class = cls
-    _handle_class = None
-    for known_ns in (0x0123456789ABCDEF, 1):
-        ordinary = cls(nanoseconds=known_ns)
-        handle = getattr(ordinary, "_time_handle", None)
-        handle_class = type(handle)
-        if type(handle_class).__name__ != "pybind11_type" or _handle_ns(handle) == NULL:
-            return 0
-        if _handle_ns(handle)[0] != known_ns or ordinary.nanoseconds != known_ns:
-            return 0
-    _handle_class = handle_class
-    return 0
+@cython.final
+cdef class DirectClass:
+    # One of rclpy's two classes.
+    cdef str attribute          # its handle
+    cdef object cls             # that was looked at, or None
+    cdef object handle_class    # the class of its handles; None: not readable directly
+
+    def __init__(self, str attribute):
+        self.attribute = attribute
+
+    cdef int look_at(self, cls) except -1:
+        cdef int64_t known_ns
+        self.cls = cls
+        self.handle_class = None
+        for known_ns in (0x0123456789ABCDEF, 1):
+            ordinary = cls(nanoseconds=known_ns)
+            handle = getattr(ordinary, self.attribute, None)
+            handle_class = type(handle)
+            if type(handle_class).__name__ != "pybind11_type" or _handle_ns(handle) == NULL:
+                return 0
+            if _handle_ns(handle)[0] != known_ns or ordinary.nanoseconds != known_ns:
+                return 0
+        self.handle_class = handle_class
+        return 0
+
+    cdef bint read(self, object value, int64_t* found_ns) except -1:
+        # False: only its property tells.
+        if type(value) is not self.cls or self.handle_class is None:
+            return False
+        handle = getattr(value, self.attribute)
+        if type(handle) is not self.handle_class or _handle_ns(handle) == NULL:
+            return False
+        found_ns[0] = _handle_ns(handle)[0]
+        return True
+
+
+cdef DirectClass _direct_time = DirectClass("_time_handle")
+cdef DirectClass _direct_duration = DirectClass("_duration_handle")
 
 
 cdef int64_t nanoseconds(object value, str argument) except? -1:
-    if type(value) is _time_class and _handle_class is not None:
-        handle = value._time_handle
-        if type(handle) is _handle_class and _handle_ns(handle) != NULL:
-            return _handle_ns(handle)[0]
+    cdef int64_t found_ns
+    if _direct_time.read(value, &found_ns):
+        return found_ns
     load_time()
     if type(value) is time_layout.message_class:
         return _from_parts(time_layout.get(value, TIME_SEC), time_layout.get(value, TIME_NANOSEC))
@@ -102,8 +124,8 @@ cdef int64_t nanoseconds(object value, str argument) except? -1:
     found = getattr(value, "nanoseconds", None)
     if found is not None:
         _refuse_duration(value, found, argument)
-        if type(value) is not _time_class and type(value) is _rclpy_time():
-            _look_at_time_class(type(value))
+        if type(value) is not _direct_time.cls and type(value) is _rclpy_class("time", "Time"):
+            _direct_time.look_at(type(value))
         return whole_number(found, "nanoseconds")
     if hasattr(value, "sec") and hasattr(value, "nanosec"):
         _refuse_duration(value, value.sec or value.nanosec, argument)
@@ -219,20 +241,13 @@ cpdef int64_t duration_ns(object duration, str argument) except? -1:
 
     Durations beyond plus or minus FOR_EVER_NS, including infinite floats, are limited to it.
     """
-    load_time()
-    rclpy_time = _rclpy_time()
-    if isinstance(duration, time_layout.message_class) or (
-        rclpy_time is not None and isinstance(duration, rclpy_time)
-    ):
-        raise TypeError(f"{argument}: expected a duration, got a Time: use {DURATION_TO_USE}")
-    # In the timedelta of pandas, `nanoseconds` is only the part below a microsecond.
-    if isinstance(duration, datetime.timedelta):
-        return _at_most_for_ever(duration // datetime.timedelta(microseconds=1) * 1000
-                                 + getattr(duration, "nanoseconds", 0))
-    if hasattr(duration, "nanoseconds"):
-        return _at_most_for_ever(duration.nanoseconds)
-    if hasattr(duration, "sec") and hasattr(duration, "nanosec"):
-        return _at_most_for_ever(duration.sec * <object>NS_PER_S + duration.nanosec)
+    cdef int64_t found_ns
+    if _direct_duration.read(duration, &found_ns):
+        return max(-_FOR_EVER_NS, min(found_ns, _FOR_EVER_NS))
+    if PyFloat_CheckExact(duration):
+        return _seconds_ns(duration, argument)
+    if not PyLong_CheckExact(duration) and _of_fields(duration, argument, &found_ns):
+        return found_ns
     seconds = _integer(duration)
     if seconds is not None and seconds in LIKE_NANOSECONDS:
         years = seconds // (365 * 86400)
@@ -246,9 +261,43 @@ cpdef int64_t duration_ns(object duration, str argument) except? -1:
             f"{argument}: expected a duration or seconds, "
             f"got {type(duration).__name__}: use {DURATION_TO_USE}"
         )
-    if seconds != seconds:
-        raise ValueError(f"{argument}: expected a duration or seconds, got NaN: use {DURATION_TO_USE}")
+    if isinstance(seconds, float):
+        return _seconds_ns(seconds, argument)
     return _at_most_for_ever(seconds * <object>NS_PER_S)
+
+
+cdef bint _of_fields(object duration, str argument, int64_t* found_ns) except -1:
+    # The rest of duration_ns; False: it is a number, or no duration.
+    load_time()
+    rclpy_time = _rclpy_class("time", "Time")
+    if isinstance(duration, time_layout.message_class) or (
+        rclpy_time is not None and isinstance(duration, rclpy_time)
+    ):
+        raise TypeError(f"{argument}: expected a duration, got a Time: use {DURATION_TO_USE}")
+    # In the timedelta of pandas, `nanoseconds` is only the part below a microsecond.
+    if isinstance(duration, datetime.timedelta):
+        found_ns[0] = _at_most_for_ever(duration // datetime.timedelta(microseconds=1) * 1000
+                                       + getattr(duration, "nanoseconds", 0))
+        return True
+    if hasattr(duration, "nanoseconds"):
+        cls = type(duration)
+        if cls is not _direct_duration.cls and cls is _rclpy_class("duration", "Duration"):
+            _direct_duration.look_at(cls)
+        found_ns[0] = _at_most_for_ever(duration.nanoseconds)
+        return True
+    if hasattr(duration, "sec") and hasattr(duration, "nanosec"):
+        found_ns[0] = _at_most_for_ever(duration.sec * <object>NS_PER_S + duration.nanosec)
+        return True
+    return False
+
+
+cdef int64_t _seconds_ns(double seconds, str argument) except? -1:
+    cdef double found_ns = seconds * NS_PER_S
+    if found_ns != found_ns:
+        raise ValueError(f"{argument}: expected a duration or seconds, got NaN: use {DURATION_TO_USE}")
+    if found_ns >= <double>_FOR_EVER_NS:
+        return _FOR_EVER_NS
+    return -_FOR_EVER_NS if found_ns <= -<double>_FOR_EVER_NS else <int64_t>found_ns
 
 
 cdef object _at_most_for_ever(object duration_ns):

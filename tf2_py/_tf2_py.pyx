@@ -99,6 +99,22 @@ cdef object _limit(str name, object given):
     return given
 
 
+cdef extern from "Python.h":
+    bint PyMethod_Check(object)
+    PyObject* PyMethod_GET_FUNCTION(object)
+    PyObject* PyMethod_GET_SELF(object)
+
+
+cdef inline bint is_method(object found, object function, object instance) noexcept:
+    # Whether it is this method of the instance, and not one of a subclass or a mock.
+    return (PyMethod_Check(found) and PyMethod_GET_FUNCTION(found) == <PyObject*>function
+            and PyMethod_GET_SELF(found) == <PyObject*>instance)
+
+
+cdef object _can_transform_core = None          # as in the class, below
+cdef object _can_transform_full_core = None
+
+
 # `inspect` reads the signature of the class from the first line of its docstring, which CPython removes.
 @cython.no_gc_clear
 cdef class BufferCore(Engine):
@@ -448,15 +464,20 @@ cdef class BufferCore(Engine):
 
     # Looking transforms up.
 
-    cdef int _lookup_or_raise(self, Query* query, Transform* out, int64_t* stamp_ns) except -1:
+    cdef bint _find(self, Query* query, Transform* out, int64_t* stamp_ns, bint or_none) except -1:
+        # Whether there is an answer. Without `or_none`, and for a limit that could never apply, raise why not.
         cdef ClockReading reading
         cdef Status status
         if query.policy.is_given and query.policy.judges_age:
             self.read_clock(query, &reading)
         catch_up(self)
         status = self.lookup(query, out, stamp_ns)
-        if status.code != STATUS_OK:
+        if status.code != STATUS_OK and (status.code == STATUS_BAD_LIMIT or not or_none):
             raise self.error(query, status)
+        return status.code == STATUS_OK
+
+    cdef int _lookup_or_raise(self, Query* query, Transform* out, int64_t* stamp_ns) except -1:
+        self._find(query, out, stamp_ns, False)
         return 0
 
     cdef object _answer(self, Query* query, target_frame, source_frame):
@@ -465,15 +486,18 @@ cdef class BufferCore(Engine):
         self._lookup_or_raise(query, &transform, &stamp_ns)
         return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
 
-    cdef tuple _can(self, const Query* query):
+    cdef bint _can(self, const Query* query, Status* status) except -1:
         cdef int64_t stamp_ns
-        cdef Status status
         catch_up(self)
-        status = self.lookup(query, NULL, &stamp_ns)
-        if status.code == STATUS_OK:
-            return (1, "")
-        if asks_for_1970(query, &status):
+        status[0] = self.lookup(query, NULL, &stamp_ns)
+        if status.code != STATUS_OK and asks_for_1970(query, status):
             self.log_1970(status.requested_ns)
+        return status.code == STATUS_OK
+
+    cdef tuple _can_or_why(self, const Query* query):
+        cdef Status status
+        if self._can(query, &status):
+            return (1, "")
         return (0, str(self.error(query, status, "canTransform")))
 
     def lookup_transform_core(self, target_frame: str, source_frame: str, time: TimeLike) -> TransformStamped:
@@ -773,7 +797,7 @@ cdef class BufferCore(Engine):
         cdef Query query
         query_frames(&query, target_frame, source_frame)
         query_at(&query, time)
-        return self._can(&query)
+        return self._can_or_why(&query)
 
     def can_transform_full_core(
         self,
@@ -788,7 +812,39 @@ cdef class BufferCore(Engine):
         query_frames(&query, target_frame, source_frame)
         query_at(&query, source_time, "source_time")
         query_fix(&query, fixed_frame, target_time)
-        return self._can(&query)
+        return self._can_or_why(&query)
+
+    def _tf2_can(self, target_frame: str, source_frame: str, time: TimeLike) -> bool:
+        """What :meth:`can_transform_core` says, also that of a program; if it is ours, it makes no text."""
+        cdef Query query
+        cdef Status status
+        core = self.can_transform_core
+        if not is_method(core, _can_transform_core, self):
+            can, _ = core(target_frame, source_frame, time)
+            return bool(can)
+        query_frames(&query, target_frame, source_frame)
+        query_at(&query, time)
+        return self._can(&query, &status)
+
+    def _tf2_can_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+    ) -> bool:
+        """What :meth:`can_transform_full_core` says, as :meth:`_tf2_can`."""
+        cdef Query query
+        cdef Status status
+        core = self.can_transform_full_core
+        if not is_method(core, _can_transform_full_core, self):
+            can, _ = core(target_frame, target_time, source_frame, source_time, fixed_frame)
+            return bool(can)
+        query_frames(&query, target_frame, source_frame)
+        query_at(&query, source_time, "source_time")
+        query_fix(&query, fixed_frame, target_time)
+        return self._can(&query, &status)
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> Time:
         """
@@ -1038,7 +1094,7 @@ cdef class BufferCore(Engine):
         query.source_ns = time_ns
         return self._lookup_or_raise(&query, out, &stamp_ns)
 
-    def _look_up(
+    def _tf2_look_up(
         self,
         target_frame: str,
         source_frame: str,
@@ -1046,12 +1102,38 @@ cdef class BufferCore(Engine):
         fixed_frame: str | None = None,
         target_time: TimeLike | None = None,
         policy: Any = None,
-    ) -> TransformStamped:
-        """Look up as :meth:`lookup_transform_core`, or at two times, under a policy of ``policy_of``."""
+        or_none: bool = False,
+    ) -> TransformStamped | None:
+        """
+        Look up as :meth:`lookup_transform_core`, or at two times, under a policy of ``policy_of``.
+
+        :param or_none: return None if there is no answer, instead of raising why. Arguments that are never
+            valid raise all the same, except for invalid names.
+        """
         cdef Query query
+        cdef Transform transform
+        cdef int64_t stamp_ns
         query_full(&query, target_frame, source_frame, fixed_frame, target_time, policy)
         query_at(&query, time, "time" if fixed_frame is None else "source_time")
-        return self._answer(&query, target_frame, source_frame)
+        if not self._find(&query, &transform, &stamp_ns, or_none):
+            return None
+        return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
+
+    def _tf2_can_look_up(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        fixed_frame: str | None = None,
+        target_time: TimeLike | None = None,
+        policy: Any = None,
+    ) -> bool:
+        """Whether :meth:`_tf2_look_up` would return an answer."""
+        cdef Query query
+        cdef int64_t stamp_ns
+        query_full(&query, target_frame, source_frame, fixed_frame, target_time, policy)
+        query_at(&query, time, "time" if fixed_frame is None else "source_time")
+        return self._find(&query, NULL, &stamp_ns, True)
 
     # Waiting.
 
@@ -1327,3 +1409,7 @@ def _without_init(cls):
     Pickles refer to this function by name.
     """
     return BufferCore.__new__(cls)
+
+
+_can_transform_core = BufferCore.can_transform_core
+_can_transform_full_core = BufferCore.can_transform_full_core

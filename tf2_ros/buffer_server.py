@@ -159,9 +159,10 @@ class BufferServer:
         wait_ns = duration_ns(goal.timeout, "timeout")
         future = Future()
         try:
-            if wait_ns > 0:
+            answer = lookup.now(self._buffer, or_none=wait_ns > 0)
+            if answer is None:
                 return TransformFuture(self._buffer, lookup.wait, Duration(nanoseconds=wait_ns))
-            future.set_result(lookup.now(self._buffer))
+            future.set_result(answer)
         except OverflowError as error:
             # Its seconds and nanoseconds add up to more than a stamp can be.
             future.set_exception(InvalidArgumentException(str(error)))

@@ -408,14 +408,18 @@ class MessageFilter(Generic[_Message]):
         needed = [(frame, stamp_ns + ns) for frame, ns in self._needed if stamp_ns or ns == 0]
         may_wait = self._timeout_ns is None or self._timeout_ns > 0
         missing = FilterFailureReason.NO_TRANSFORM_FOUND
+        policy = self._policy if stamp_ns else self._policy_of_latest
         outcome: _Outcome | None
-        text: str | None
+        text: str | None = None
         try:
-            queued.begin(self._buffer, needed, self._policy if stamp_ns else self._policy_of_latest)
+            outcome = queued.at_once(self._buffer, needed, policy)
+            if outcome is None:
+                queued.begin(self._buffer, needed, policy)
         except (TransformException, OverflowError, ValueError) as error:
             outcome, text = missing if queued.frame else FilterFailureReason.EMPTY_FRAME_ID, str(error)
         else:
-            outcome, text = self._outcome(queued, None if may_wait else missing)
+            if outcome is None:
+                outcome, text = self._outcome(queued, None if may_wait else missing)
         if outcome is not None:
             # The transform of this one may have completed earlier ones, whose callbacks wait for an executor.
             while (oldest := self._calls.oldest()) not in (None, queued) and oldest.over():

@@ -169,6 +169,16 @@ cdef class FilteredMessage(Pending):
         self._calls, self._outcome, self._warn = calls, outcome, warn
         self.call_queue, self.kept = call_queue, calls.waiting
 
+    def at_once(self, buffer, list needed, policy):
+        """Its transform, if all that it needs are available; otherwise None. The arguments: see `begin`."""
+        first = None
+        for frame, ns in needed:
+            answer = BufferCore._tf2_look_up(buffer, frame, self.frame, ns, None, None, policy, True)
+            if answer is None:
+                return None
+            first = answer if first is None else first
+        return first
+
     def begin(self, buffer, list needed, policy):
         """
         Begin to wait.

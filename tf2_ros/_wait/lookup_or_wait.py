@@ -29,7 +29,7 @@ def _warn_of_stalled_loop() -> None:
 
 class Lookup(NamedTuple):
     """
-    The arguments of a lookup, in the order of ``BufferCore._look_up``.
+    The arguments of a lookup, in the order of ``BufferCore._tf2_look_up``.
 
     A simple lookup has one time, its ``source_time``. For the ``policy``, see ``policy_of``.
     """
@@ -46,9 +46,9 @@ class Lookup(NamedTuple):
         times = (self.source_time,) if self.fixed_frame is None else (self.source_time, self.target_time)
         return any(time_ns(one, "time") == 0 for one in times)
 
-    def now(self, core: BufferCore) -> Any:
-        """Look up without a wait: return the answer or raise the error."""
-        return BufferCore._look_up(core, *self)
+    def now(self, core: BufferCore, or_none: bool = False) -> Any:
+        """Look up without a wait: return the answer, or raise the error; if ``or_none``, return None."""
+        return BufferCore._tf2_look_up(core, *self, or_none)
 
     def wait(self, core: BufferCore, notify: Callable[[Any], Any] | None = None) -> Any:
         """
@@ -58,16 +58,17 @@ class Lookup(NamedTuple):
         """
         return BufferCore._wait(core, *self[:-1], notify=notify, policy=self.policy)
 
-    def block(self, core: BufferCore, timeout_ns: int) -> Any:
+    def block(self, core: BufferCore, timeout_ns: int, or_none: bool = False) -> Any:
         """
         Wait in this thread, without the GIL, until there is an answer, and return it.
 
         :param timeout_ns: nanoseconds of steady time, at most FOR_EVER_NS. 0 or less: do not wait.
+        :param or_none: return None if there is no answer in time, which is faster than an error.
         :raises TransformException: what the lookup raises. After a wait, its text also says how long that
             took, or which :class:`Shutdown` ended it.
         """
         if timeout_ns <= 0:
-            return self.now(core)
+            return self.now(core, or_none)
         is_in_vain = Shutdown(core)
         begin_ns = time.monotonic_ns()
         wait = self.wait(core)
@@ -78,12 +79,21 @@ class Lookup(NamedTuple):
         if answer is not None:
             return answer
         try:
-            return self.now(core)  # something may have arrived right at the end
+            return self.now(core, or_none)  # something may have arrived right at the end
         except (TransformException, ValueError) as reason:
             waited_ns = min(time.monotonic_ns() - begin_ns, timeout_ns)
             why = is_in_vain.why()
             text = errors.in_vain(why, waited_ns) if why else errors.after_wait(str(reason), waited_ns)
             raise type(reason)(text) from None
+
+    def can(self, core: BufferCore, timeout_ns: int, with_reason: bool) -> bool | tuple[bool, str]:
+        """Whether :meth:`block` returns an answer; or also why not, which takes longer to say."""
+        can, reason = False, ""
+        try:
+            can = self.block(core, timeout_ns, not with_reason) is not None
+        except TransformException as error:
+            reason = str(error)
+        return (can, reason) if with_reason else can
 
     @property
     def judges_age(self) -> bool:

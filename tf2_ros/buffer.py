@@ -326,8 +326,9 @@ class Buffer(BufferCore, BufferInterface):
                 return bool(can), reason
             accepted = policy_of("can_transform", True, **policy) if policy else None
             timeout_ns = duration_ns(timeout, "timeout")
-            if self._tf2_can_look_up(target_frame, source_frame, time, None, None, accepted):
-                return (True, "") if return_debug_tuple else True
+            can = self._tf2_can_look_up(target_frame, source_frame, time, None, None, accepted)
+            if can or not (timeout_ns > 0 or return_debug_tuple):
+                return (can, "") if return_debug_tuple else can
             lookup = Lookup(target_frame, source_frame, time, policy=accepted)
             return lookup.can(self, timeout_ns, return_debug_tuple)
 
@@ -351,8 +352,9 @@ class Buffer(BufferCore, BufferInterface):
             accepted = policy_of("can_transform_full", True, **policy) if policy else None
             timeout_ns = duration_ns(timeout, "timeout")
             lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
-            if self._tf2_can_look_up(*lookup):
-                return (True, "") if return_debug_tuple else True
+            can = self._tf2_can_look_up(*lookup)
+            if can or not (timeout_ns > 0 or return_debug_tuple):
+                return (can, "") if return_debug_tuple else can
             return lookup.can(self, timeout_ns, return_debug_tuple)
 
     def wait_for_transform_async(

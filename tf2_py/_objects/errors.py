@@ -78,6 +78,8 @@ def span(ns: int) -> str:
 
 def in_days(ns: int) -> str:
     """How long, with three digits: a day or more in days, a year or more in years; less: ``""``."""
+    if -DAY_NS < ns < DAY_NS:
+        return ""
     for unit, unit_ns in (("year", 365.25 * DAY_NS), ("day", DAY_NS)):
         if abs(ns) >= unit_ns:
             number = f"{ns / unit_ns:.3g}"
@@ -122,6 +124,15 @@ def unconnected(target: str, source: str, target_root: str, source_root: str) ->
     )
 
 
+# tf2's sentence: the requested time, and the nearest stamp.
+QUOTED = {
+    "future": "into the future.  Requested time {} but the latest data is at time {}",
+    "past": "into the past.  Requested time {} but the earliest data is at time {}",
+    "single": "at time {}, but only time {} is in the buffer",
+    "empty": "at time {}",
+}
+
+
 def extrapolation(
     requested_ns: int,
     quoted_gap: str,
@@ -149,19 +160,15 @@ def extrapolation(
     child, parent, target, source = map(printable, (child, parent, target, source))
     requested = seconds(requested_ns)
     quoted = seconds(quoted_ns)
-    fact = {
-        "future": f"into the future.  Requested time {requested} but the latest data is at time {quoted}",
-        "past": f"into the past.  Requested time {requested} but the earliest data is at time {quoted}",
-        "single": f"at time {requested}, but only time {quoted} is in the buffer",
-        "empty": f"at time {requested}",
-    }[quoted_gap]
+    fact = QUOTED[quoted_gap].format(requested, quoted)
     if gap == "empty":
         lack = f"the buffer has no sample of {child}"
     else:
         which = {"future": "newest", "past": "oldest", "single": "only"}[gap]
         how = TOO_NEW if edge_ns > requested_ns else "too old"
         apart = span(abs(requested_ns - edge_ns))
-        lack = f"the {which} sample of {child} (parent {parent}) at {seconds(edge_ns)} is {apart} {how}"
+        edge = quoted if edge_ns == quoted_ns else seconds(edge_ns)
+        lack = f"the {which} sample of {child} (parent {parent}) at {edge} is {apart} {how}"
         if edge_ns < requested_ns and 0 < now_ns < requested_ns:
             ahead = span(requested_ns - now_ns)
             lack += f"; the requested time is {ahead} ahead of the clock of the buffer"

@@ -319,6 +319,24 @@ class Buffer(BufferCore, BufferInterface):
             return_debug_tuple: bool = False,
             **policy: "Unpack[LookupPolicy]",
         ) -> bool | tuple[bool, str]:
+            """
+            Return whether :meth:`lookup_transform` would return a pose, and not raise.
+
+            ``Time()`` asks for the latest one. The default ``timeout`` does not wait.
+
+            :param return_debug_tuple: return ``(True, "")`` or ``(False, reason)`` instead of a bool. The
+                other arguments are those of :meth:`lookup_transform`.
+            :raises TypeError: an argument has the wrong type.
+            :raises ValueError: a name contains a NUL character, a time is NaT, or a limit in ``policy`` is
+                invalid.
+            :raises OverflowError: a time does not fit into a message.
+
+            A frame that is unknown or has no data, or an invalid name, is not an error: the answer is False.
+
+            >>> from tf2_ros import Buffer, Time
+            >>> Buffer().can_transform("base_link", "camera", Time())
+            False
+            """
             if timeout is NO_TIMEOUT and not policy:
                 if not return_debug_tuple:
                     return self._tf2_can(target_frame, source_frame, time)
@@ -343,6 +361,12 @@ class Buffer(BufferCore, BufferInterface):
             return_debug_tuple: bool = False,
             **policy: "Unpack[LookupPolicy]",
         ) -> bool | tuple[bool, str]:
+            """
+            Return whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
+
+            :param return_debug_tuple: also return the reason, as :meth:`can_transform` does. The other arguments
+                are those of :meth:`lookup_transform_full`.
+            """
             arguments = target_frame, target_time, source_frame, source_time, fixed_frame
             if timeout is NO_TIMEOUT and not policy:
                 if not return_debug_tuple:
@@ -429,6 +453,20 @@ class Buffer(BufferCore, BufferInterface):
         timeout: DurationLike | None = None,
         **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
+        """
+        Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
+        converts data from the source to the target. Without ``timeout`` it waits forever.
+
+        :param timeout: how long to wait, in steady time. None: until the context is shut down. The other
+            arguments are those of :meth:`lookup_transform`.
+        :raises TimeoutException: it was not available in time, or not before the shutdown of the context; the
+            text says which, and the reason.
+        :raises InvalidArgumentException: a name is empty or begins with ``/``.
+        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a duration.
+
+        This is a coroutine for asyncio and for rclpy's executors. Give a callback of rclpy that awaits it a
+        ``ReentrantCallbackGroup``: in the node's default group, no other callback runs meanwhile.
+        """
         accepted = policy_of("lookup_transform_async", True, **policy) if policy else None
         return await self.__answer(Lookup(target_frame, source_frame, time, policy=accepted), timeout)
 

@@ -105,7 +105,7 @@ def _from_source() -> Iterator[Library]:
     if not (wheels / "include" / "rcutils").exists():
         raise Missing("this environment has no ROS wheels")
     folder = FETCHED / f"tf2-{JAZZY}"
-    for package in ("tf2", "tf2_py", "tf2_ros_py"):
+    for package in ("tf2", "tf2_py", "tf2_ros_py", "tf2_geometry_msgs"):
         if not (folder / package).exists():
             tag = f"release/jazzy/{package}/{JAZZY}-1"
             _run("git", "clone", "--quiet", "--depth=1", f"--branch={tag}", SOURCE, str(folder / package))
@@ -120,7 +120,7 @@ def _from_source() -> Iterator[Library]:
     _compile(looping, [PROGRAMS / "tf2_cpp.cpp"], headers, places, "tf2 rcutils")
     note = "compiled from its published source with -O3"
     yield Library("tf2_cpp", f"tf2 {JAZZY} C++", note, environment={"TF2_CPP": str(looping)})
-    path = os.pathsep.join(map(str, (bound, folder / "tf2_ros_py")))
+    path = os.pathsep.join(map(str, (bound, folder / "tf2_ros_py", folder / "tf2_geometry_msgs" / "src")))
     yield Library("ros2", f"tf2_ros {JAZZY}", "the same, in Python", environment={"PYTHONPATH": path})
 
 

@@ -15,6 +15,7 @@ from bench.libraries import OURS, Library
 
 TITLES = {
     "lookups": "One lookup, µs",
+    "calls": "Calls as programs make them, over 4 hops, µs",
     "vectors": "Lookups at many times in one call, µs per transform",
     "inserts": "Inserts into full histories of 50 frames, µs per transform",
     "clouds": "Clouds of 100,000 points, µs",

@@ -1128,12 +1128,14 @@ cdef class BufferCore(Engine):
         target_time: TimeLike | None = None,
         policy: Any = None,
     ) -> bool:
-        """Whether :meth:`_tf2_look_up` would return an answer."""
+        """Whether :meth:`_tf2_look_up` would return an answer. It raises what that raises."""
         cdef Query query
+        cdef Transform transform
         cdef int64_t stamp_ns
         query_full(&query, target_frame, source_frame, fixed_frame, target_time, policy)
         query_at(&query, time, "time" if fixed_frame is None else "source_time")
-        return self._find(&query, NULL, &stamp_ns, True)
+        # Without a transform to compose, a limit is judged before the other path is walked.
+        return self._find(&query, &transform if query.policy.is_given else NULL, &stamp_ns, True)
 
     # Waiting.
 

@@ -3,13 +3,17 @@
 """
 Make calls of this project between marks, so that bench/instruction_counts.py can count their instructions.
 
-`counted_calls.py CASE=COUNT...` makes, of each case, COUNT calls and then twice as many.
+`counted_calls.py CASE=COUNT...` makes, of each case, COUNT calls and then twice as many. A case is a name, or one
+of CALLS.
 """
 
+import functools
 import gc
 import os
 import sys
 
+from call_texts import CALLS, EMPTY
+from calls import COUNTED, looping, objects_of
 from inserts_and_memory import Following
 from measured_library import STEP_NS
 from our_library import BATCH, Ours
@@ -63,6 +67,12 @@ def run(function, calls):
         function(*arguments)
 
 
+def counted_call(call):
+    """A function that makes one of CALLS, or nothing, in each of some turns."""
+    objects = objects_of(call, Ours())
+    return functools.partial(looping(call, COUNTED, objects), **objects)
+
+
 def mark():
     # callgrind writes its counts whenever this C function is entered; nothing else calls it.
     os.getpgid(0)
@@ -73,14 +83,18 @@ def main(cases):
     # on what was allocated before.
     gc.disable()
     for name, count in cases:
-        function, calls = case(name, WARM_UP + 3 * count)
-        run(function, calls[:WARM_UP])
+        if name in CALLS or name == EMPTY:
+            repeat, calls = counted_call(name), range(WARM_UP + 3 * count)
+        else:
+            function, calls = case(name, WARM_UP + 3 * count)
+            repeat = functools.partial(run, function)
+        repeat(calls[:WARM_UP])
         mark()
-        run(function, calls[WARM_UP : WARM_UP + count])
+        repeat(calls[WARM_UP : WARM_UP + count])
         mark()
-        run(function, calls[WARM_UP + count :])
+        repeat(calls[WARM_UP + count :])
         mark()
 
 
 if __name__ == "__main__":
-    main((name, int(count)) for name, count in (one.split("=") for one in sys.argv[1:]))
+    main((name, int(count)) for name, count in (one.rsplit("=", 1) for one in sys.argv[1:]))

@@ -66,14 +66,12 @@ def class_name(kind: type) -> str:
 
 def seconds(ns: int) -> str:
     """Nanoseconds as decimal seconds, with all digits."""
-    sign = "-" if ns < 0 else ""
-    whole, rest = divmod(abs(ns), NS_PER_S)
-    return f"{sign}{whole}.{rest:09d}"
+    return "%d.%09d" % divmod(ns, NS_PER_S) if ns >= 0 else f"-{seconds(-ns)}"
 
 
 def span(ns: int) -> str:
     """How long, for people: in seconds, with all digits; from a day on in days, from a year on in years."""
-    return in_days(ns) or f"{seconds(ns)} s"
+    return f"{seconds(ns)} s" if -DAY_NS < ns < DAY_NS else in_days(ns)
 
 
 def in_days(ns: int) -> str:
@@ -126,11 +124,12 @@ def unconnected(target: str, source: str, target_root: str, source_root: str) ->
 
 # tf2's sentence: the requested time, and the nearest stamp.
 QUOTED = {
-    "future": "into the future.  Requested time {} but the latest data is at time {}",
-    "past": "into the past.  Requested time {} but the earliest data is at time {}",
-    "single": "at time {}, but only time {} is in the buffer",
-    "empty": "at time {}",
+    "future": "into the future.  Requested time %s but the latest data is at time %s",
+    "past": "into the past.  Requested time %s but the earliest data is at time %s",
+    "single": "at time %s, but only time %s is in the buffer",
+    "empty": "at time %s",
 }
+WHICH = {"future": "newest", "past": "oldest", "single": "only"}
 
 
 def extrapolation(
@@ -157,18 +156,19 @@ def extrapolation(
     :param tolerance_ns: how far beyond its newest sample ``child`` has an answer.
     :param now_ns: what the clock of the buffer shows; 0: it has none, or simulated time has not begun.
     """
-    child, parent, target, source = map(printable, (child, parent, target, source))
+    names = child, parent, target, source
+    if not "".join(names).isprintable():
+        child, parent, target, source = map(printable, names)
     requested = seconds(requested_ns)
     quoted = seconds(quoted_ns)
-    fact = QUOTED[quoted_gap].format(requested, quoted)
+    fact = QUOTED[quoted_gap] % ((requested, quoted) if quoted_gap != "empty" else requested)
     if gap == "empty":
         lack = f"the buffer has no sample of {child}"
     else:
-        which = {"future": "newest", "past": "oldest", "single": "only"}[gap]
         how = TOO_NEW if edge_ns > requested_ns else "too old"
         apart = span(abs(requested_ns - edge_ns))
         edge = quoted if edge_ns == quoted_ns else seconds(edge_ns)
-        lack = f"the {which} sample of {child} (parent {parent}) at {edge} is {apart} {how}"
+        lack = f"the {WHICH[gap]} sample of {child} (parent {parent}) at {edge} is {apart} {how}"
         if edge_ns < requested_ns and 0 < now_ns < requested_ns:
             ahead = span(requested_ns - now_ns)
             lack += f"; the requested time is {ahead} ahead of the clock of the buffer"

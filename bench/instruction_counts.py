@@ -51,7 +51,9 @@ SEEDS = (0, 1, 2)
 TOLERANCE = 0.10
 # The calls as programs make them; those that run much code in Python vary more.
 TOLERANCES = {
-    call: 0.05 if call.startswith("await") or call == "buffer.lookup_transform(target, source, newer)" else 0.03
+    call: 0.05
+    if call.startswith("await") or call == "buffer.lookup_transform(target, source, newer)"
+    else 0.03
     for call in CALLS
 }
 # The share of a call's instructions that the interpreter executes differs between builds of Python.

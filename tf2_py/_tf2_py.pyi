@@ -819,7 +819,7 @@ class BufferCore:
         target_time: TimeLike | None = None,
         policy: Any = None,
     ) -> bool:
-        """Whether :meth:`_tf2_look_up` would return an answer."""
+        """Whether :meth:`_tf2_look_up` would return an answer. It raises what that raises."""
     def _tf2_can(self, target_frame: str, source_frame: str, time: TimeLike) -> bool:
         """What :meth:`can_transform_core` says, also that of a program; if it is ours, it makes no text."""
     def _tf2_can_full(

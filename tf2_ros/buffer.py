@@ -364,8 +364,8 @@ class Buffer(BufferCore, BufferInterface):
             """
             Return whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
 
-            :param return_debug_tuple: also return the reason, as :meth:`can_transform` does. The other arguments
-                are those of :meth:`lookup_transform_full`.
+            :param return_debug_tuple: also return the reason, as :meth:`can_transform` does. The other
+                arguments are those of :meth:`lookup_transform_full`.
             """
             arguments = target_frame, target_time, source_frame, source_time, fixed_frame
             if timeout is NO_TIMEOUT and not policy:

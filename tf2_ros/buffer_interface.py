@@ -408,8 +408,8 @@ class BufferInterface:
         """
         Return whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
 
-        :param return_debug_tuple: also return the reason, as :meth:`can_transform` does. The other arguments
-            are those of :meth:`lookup_transform_full`.
+        :param return_debug_tuple: also return the reason, as :meth:`can_transform` does. The other
+            arguments are those of :meth:`lookup_transform_full`.
         """
         can, reason = self._tf2_can(
             timeout, policy, target_frame, target_time, source_frame, source_time, fixed_frame

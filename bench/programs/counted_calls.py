@@ -3,8 +3,8 @@
 """
 Make calls of this project between marks, so that bench/instruction_counts.py can count their instructions.
 
-`counted_calls.py CASE=COUNT...` makes, of each case, COUNT calls and then twice as many. A case is a name, or one
-of CALLS.
+`counted_calls.py CASE=COUNT...` makes, of each case, COUNT calls and then twice as many. A case is a name, or
+one of CALLS.
 """
 
 import functools

@@ -49,7 +49,7 @@ class Section(NamedTuple):
 
 SECTIONS = {
     "lookups": Section("lookups.lookups", EVERY),
-    "calls": Section("calls.calls", (OURS, "ros2", "tf2_cpp")),
+    "calls": Section("calls.calls", ROS2),
     "vectors": Section("lookups.vectors", (OURS, "tf_tree")),
     "inserts": Section("inserts_and_memory.inserts", EVERY),
     "clouds": Section("clouds.clouds", (OURS,)),

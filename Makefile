@@ -52,7 +52,7 @@ Try it
 Develop
   make build       compile after a change to a .pyx, .pxd, .pxi or .h file
   make lint        check style and types
-  make test-all    run all tests: 8 to 15 minutes on 2 cores
+  make test-all    run all tests: 15 to 25 minutes on 2 cores
   make test-long   run only what test-all adds to test
   make guard       count instructions; fail if they have changed
   make docs        build the site in build/docs

@@ -17,7 +17,7 @@ MOST_BYTES = 6000
 MOST_MEMORY = 4_000_000  # bytes, of which the decoder of text takes most
 _folder = tempfile.TemporaryDirectory(prefix="tf2-fuzz-", dir="/dev/shm")
 _POSES, _TIMES = Path(_folder.name) / "poses.txt", Path(_folder.name) / "times.txt"
-_KINDS = 3
+_KINDS = 4
 
 
 def run(data: bytes) -> None:
@@ -32,10 +32,12 @@ def run(data: bytes) -> None:
     try:
         if kind == 0:
             _check(read_table(_POSES))
+        elif kind == 3:
+            _check(read_table(_POSES, "- timestamp_ns x y z qw qx qy qz ..."))
         elif kind == 1:
             _check_times(read_times(_POSES))
         else:
-            _check(read_kitti(_POSES, _TIMES))
+            _check(read_kitti(_POSES, read_times(_TIMES), "times.txt"))
     except BagError as error:
         if not str(error).isprintable() or len(str(error)) > 1000:
             raise Fault(f"not one short line: {error}") from error
@@ -79,8 +81,10 @@ def seeds() -> Iterator[bytes]:
         "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n",
         "1,5 0,0 0,0 0,0 0,0 0,0 0,0 1,0\n",
         "1700000000000000000 1 2 3 0 0 0 1\n",
-        "\ufeff" + row.replace(" ", ","),
+        "time\tx\ty\tz\tqx\tqy\tqz\tqw\tplace\n1\t1\t2\t3\t0\t0\t0\t1\ta b\n",
+        "\ufeff" + row.replace(" ", ";"),
     ]
+    yield b"\3" + b"frame,t,x,y,z,qw,qx,qy,qz,\nmap,1,1,2,3,1,0,0,0,\n"
     yield from (b"\0" + table.encode() for table in tables)
     yield from (
         b"\1" + times.encode() for times in ("1\n2.5e0\n", "# t\n1 a\n", "timestamp [us],file\n1,a.png\n")

@@ -268,9 +268,7 @@ class TestTrajectory:
         (tmp_path / "times.txt").write_text("101\n102\n")
         files = ("--trajectory", tmp_path / "poses.txt", "map", "odom", "base")
         times = ("--times", "101", "102")
-        with pytest.raises(
-            RunError, match="line 1: expected 8 numbers.*need `times` or `--trajectory-times`"
-        ):
+        with pytest.raises(RunError, match="line 1: expected 8 numbers.*need `times` or --trajectory-times"):
             run("lookup", drive_mcap, "map", "base", *times, *files)
         more = ("--trajectory-times", tmp_path / "times.txt")
         out = run("lookup", drive_mcap, "map", "base", *times, *files, *more)[1]
@@ -302,6 +300,13 @@ class TestTrajectory:
             run("lookup", drive_mcap, "map", "base", "--trajectory-times", tum)
         with pytest.raises(UsageError, match="--trajectory-start needs --trajectory"):
             run("lookup", drive_mcap, "map", "base", "--trajectory-start", "recording")
+        with pytest.raises(UsageError, match="--trajectory-columns needs --trajectory"):
+            run("lookup", drive_mcap, "map", "base", "--trajectory-columns", "t x y z qx qy qz qw")
+        with pytest.raises(SystemExit):
+            run("lookup", drive_mcap, "map", "base", *own, "--trajectory-columns", "t x y z qx qy qz")
+        names = ("--trajectory-columns", "t x y z qx qy qz qw -")
+        with pytest.raises(RunError, match="expected 9 columns, got 8: "):
+            run("lookup", drive_mcap, "map", "base", "--times", "101", *own, *names)
         with pytest.raises(UsageError, match="--trajectory needs --path"):
             run("plot", drive_mcap, *own)
         with pytest.raises(RunError, match=r'"robot" .* does not exist'):

@@ -67,44 +67,54 @@ FORMS = {
     "TUM": lambda poses: tum(poses, "# ground truth\n# file: 'a.bag'\n# timestamp tx ty tz qx qy qz qw"),
     "TUM without comments": tum,
     "TUM, reversed": lambda poses: "\n".join(tum(poses).splitlines()[::-1]),
-    "commas": lambda poses: tum(poses, separator=",", end="\r\n"),
-    "commas, spaces and a byte order mark": lambda poses: "\ufeff" + tum(poses, separator=", "),
+    "TUM, a byte order mark and tabs": lambda poses: "\ufeff" + tum(poses, separator="\t", end="\r\n"),
+    "semicolons": lambda poses: tum(poses, "time;x;y;z;qx;qy;qz;qw", "; "),
     "tabs, a heading and empty lines": lambda poses: tum(
         poses, "time\tx\ty\tz\tqx\tqy\tqz\tqw\n", "\t", "\n\n"
     ),
+    "tabs, and an empty field": lambda poses: table(
+        poses,
+        lambda ns, numbers: "\t".join([seconds(ns), "", *numbers, "0"]),
+        "time\tname of a place\tx\ty\tz\tqx\tqy\tqz\tqw\tstatus",
+    ),
     "numpy.savetxt": lambda poses: w_first(poses, "# timestamp tx ty tz qw qx qy qz", separator=" "),
     "capitals and quotes": lambda poses: w_first(poses, '"Timestamp","TX","TY","TZ","QW","QX","QY","QZ"'),
-    "open_vins": lambda poses: tum(poses, "# timestamp(s) tx ty tz qx qy qz qw Pr11 Pr12 Pr13 Pt11"),
     "EuRoC": lambda poses: w_first(poses, f"#timestamp [ns], {EUROC}", str, more=BIASES),
     "EuRoC's ground truth": lambda poses: w_first(poses, f"#timestamp, {EUROC}", str, more=BIASES),
     "EuRoC with spaces": lambda poses: w_first(
         poses, f"#timestamp [ns] {EUROC.replace(',', '')}", lambda ns: f"{ns}.0000", " ", BIASES
-    ),
-    "a comma at the end": lambda poses: w_first(
-        poses, "#time(ns),px,py,pz,qw,qx,qy,qz,vx,vy", str, more=("1", "2", "")
     ),
     "Newer College": lambda poses: table(
         poses,
         lambda ns, numbers: ",".join(["7", str(ns // S), str(ns % S), *numbers]),
         "# counter, sec, nsec, x, y, z, qx, qy, qz, qw",
     ),
-    "fields of messages": lambda poses: table(
+    "a frame first, and milliseconds": lambda poses: table(
         poses,
-        lambda ns, numbers: ",".join(["a b", str(ns), *numbers]),
-        "header.frame_id,header.stamp [ns],pose.pose.position.x,pose.pose.position.y,pose.pose.position.z,"
-        "pose.pose.orientation.x,pose.pose.orientation.y,pose.pose.orientation.z,pose.pose.orientation.w",
+        lambda ns, numbers: ",".join(["map", f"{ns // 10**6}.{ns % 10**6:06d}", *numbers]),
+        "frame_id,time_ms,x,y,z,qx,qy,qz,qw",
     ),
-    "milliseconds and kilometers": lambda poses: table(
-        poses,
-        lambda ns, numbers: " ".join(
-            [
-                f"{ns // 10**6}.{ns % 10**6:06d}",
-                *(repr(float(one) / 1000) for one in numbers[:3]),
-                *numbers[3:],
-            ]
-        ),
-        "# format: t [ms] x [km] y [km] z [km] qx qy qz qw",
-    ),
+}
+
+
+def open_vins(poses, more=()):
+    heading = (
+        "# timestamp(s) tx ty tz qx qy qz qw Pr11 Pr12 Pr13 Pr22 Pr23 Pr33 Pt11 Pt12 Pt13 Pt22 Pt23 Pt33"
+    )
+    return table(poses, lambda ns, numbers: " ".join([seconds(ns), *numbers, *more]), heading)
+
+
+# Those of the page, which names their columns: each with and without what the program may add.
+ON_PAGE = {
+    "OpenVINS": [open_vins, lambda poses: open_vins(poses, ["0.1"] * 12)],
+    "ORB-SLAM3 in ns": [lambda poses: table(poses, lambda ns, numbers: " ".join([f"{ns}.000000", *numbers]))],
+    "VINS": [
+        lambda poses: w_first(poses, "", str, more=[""]),
+        lambda poses: w_first(poses, "", str, more=["0.1", "0.2", "0.3", ""]),
+    ],
+    "`ros2 topic echo --csv`": [
+        lambda poses: table(poses, lambda ns, numbers: ",".join([str(ns // S), str(ns % S), "map", *numbers]))
+    ],
 }
 
 
@@ -115,26 +125,14 @@ def shuffled(poses, order, dice):
     :param order: a permutation of the 11 columns, of which three are not needed.
     :param dice: a random.Random, which chooses among the names.
     """
-    stamp = dice.choice(
-        [
-            "timestamp",
-            "time",
-            "t",
-            "ts",
-            "stamp",
-            "Time [s]",
-            "timestamp(s)",
-            "stamp_ns",
-            "t[ms]",
-            "time (us)",
-        ]
-    )
-    style = dice.choice(["{}", "t{}", "p{}", "p_{}", "pos_{}", "position.{}", "p_W_{} [m]", "{}(m)"])
-    turn = dice.choice(["q{}", "q_{}", "q.{}", "quat_{}", "orientation.{}", "q_WB_{} []"])
+    stamps = ["timestamp", "time", "t", "stamp", "Time [s]", "timestamp(s)", "stamp_ns", "t[ms]", "time (us)"]
+    stamp = dice.choice(stamps)
+    style = dice.choice(["{}", "t{}", "p{}", "p_{}", "pos_{}", "position.{}", "p_RS_R_{} [m]", "{}(m)"])
+    turn = dice.choice(["q{}", "q_{}", "q.{}", "quat_{}", "orientation.{}", "q_RS_{} []"])
     names = [stamp, *(style.format(axis) for axis in "xyz"), *(turn.format(axis) for axis in "xyzw")]
     names += ["frame", "vx [m s^-1]", "cov"]
     unit = 1 if "ns" in stamp else 1_000 if "us" in stamp else 10**6 if "ms" in stamp else S
-    separator = dice.choice([",", ", ", " ", "\t"])
+    separator = dice.choice([",", ", ", " ", "\t", ";"])
 
     def line(texts):
         return separator.join(texts[i] for i in order)
@@ -144,5 +142,4 @@ def shuffled(poses, order, dice):
         exact = f"{whole}.{rest:0{len(str(unit)) - 1}d}" if unit > 1 else str(ns)
         return line([exact, *numbers, "base", "nan", "0.5"])
 
-    heading = line(names if "," in separator else [one.replace(" s^-1", "") for one in names])
-    return table(poses, row, dice.choice(["", "#", "# "]) + heading)
+    return table(poses, row, dice.choice(["", "#", "# "]) + line(names))

@@ -223,6 +223,51 @@ def test_a_drive_whose_truth_is_known_is_corrected_by_each_form(path, tmp_path, 
     assert_allclose(got, wanted, rtol=0, atol=1e-9)
 
 
+def test_a_user_may_name_the_columns_of_a_file_or_pass_arrays(path, optimized, tmp_path):
+    wanted = held(bag.load(path, trajectory=optimized))
+    rows = [line.split() for line in optimized.path.read_text().splitlines()[2:]]
+    (tmp_path / "poses.csv").write_text("".join(",".join([*row[4:], "map", *row[:4]]) + "\n" for row in rows))
+    named = replace(optimized, path=tmp_path / "poses.csv")
+    with pytest.raises(
+        bag.BagError, match="line 1: expected a heading, .* pass `columns` or --trajectory-columns"
+    ):
+        bag.load(path, trajectory=named)
+    for columns in ("qx qy qz qw - timestamp x y z", "qx,qy,qz,qw,-,t_s,x,y,z"):
+        assert held(bag.load(path, trajectory=replace(named, columns=columns))) == wanted
+    numbers = np.array(rows, float)
+    xyz, xyzw = numbers[:, 1:4], numbers[:, 4:]
+    for times in (KEYFRAMES, KEYFRAMES.tolist(), KEYFRAMES.astype("datetime64[ns]")):
+        arrays = replace(optimized, path=(xyz, xyzw), times=times)
+        assert held(bag.load(path, trajectory=arrays)) == wanted
+    buffer = bag.load(path, trajectory=replace(arrays, path=to_matrix((xyz, xyzw))))
+    assert_allclose(
+        buffer.lookup_matrices("map", "base", KEYFRAMES), to_matrix((xyz, xyzw)), rtol=0, atol=1e-9
+    )
+    late = bag.load(path, trajectory=replace(arrays, times=KEYFRAMES - BEGIN_NS, start=BEGIN_NS))
+    assert held(late) == wanted
+
+
+def test_wrong_arrays_are_refused(path):
+    poses = np.zeros((2, 3)), np.array([[0.0, 0.0, 0.0, 1.0]] * 2)
+    for pose, times, error, text in (
+        (poses, KEYFRAMES[:1], ValueError, "a stamp for each of the 2 poses, got 1 in `times`$"),
+        (poses, [1.5, 2.5], TypeError, "float"),
+        ((np.zeros((0, 3)), np.zeros((0, 4))), [], ValueError, r"path: expected N poses, got .*\(0, 3\)"),
+        (([0.0] * 3, [0.0, 0.0, 0.0, 1.0]), [1], ValueError, r"path: expected N poses, got .*\(3,\)"),
+        ((poses[0], poses[1][:1]), KEYFRAMES[:2], ValueError, "shapes"),
+        (
+            (poses[0], 2.0 * poses[1]),
+            KEYFRAMES[:2],
+            bag.BagError,
+            "the trajectory, pose 1: .* rotation of length 1",
+        ),
+        ((poses[0] * np.nan, poses[1]), KEYFRAMES[:2], ValueError, "finite"),
+        (poses, [1, -1], bag.BagError, "the trajectory, pose 2: the stamp of a message cannot hold -1 ns"),
+    ):
+        with pytest.raises(error, match=text):
+            bag.load(path, trajectory=bag.Trajectory(pose, "map", "odom", "base", times=times))
+
+
 def kitti(tmp_path, times, matrices, digits=17):
     rows = [" ".join(f"{one:.{digits}e}" for one in matrix[:3].ravel()) for matrix in matrices]
     (tmp_path / "poses.txt").write_text("\n".join(rows))
@@ -381,7 +426,7 @@ def test_poses_of_an_array_have_their_stamps_in_a_file(tmp_path):
     times.write_text("".join(f"{(ns - BEGIN_NS) / S:.9f}\n" for ns in KEYFRAMES))
     check_topic(bag.load(path, trajectory=replace(array, times=times, start=BEGIN_NS)))
     with pytest.raises(
-        bag.BagError, match="topic /poses: poses of a PoseArray have no stamps: `times` or --traj"
+        bag.BagError, match="topic /poses: poses of a PoseArray have no stamps: pass them as `times` or"
     ):
         bag.load(path, trajectory=array)
     times.write_text("100\n")
@@ -389,6 +434,7 @@ def test_poses_of_an_array_have_their_stamps_in_a_file(tmp_path):
         bag.BagError, match="each of the 18 poses in .*run.mcap, topic /poses, got 1 in .*times.txt"
     ):
         bag.load(path, trajectory=replace(array, times=times))
+    check_topic(bag.load(path, trajectory=replace(array, times=KEYFRAMES)))
 
 
 def test_what_a_topic_cannot_be_is_refused(tmp_path):
@@ -414,6 +460,7 @@ def test_what_a_topic_cannot_be_is_refused(tmp_path):
         "topic /slam/path: the poses of a nav_msgs/msg/Path have stamps; `times` is not for them$": {
             "times": tmp_path / "times.txt"
         },
+        "topic /slam/path: `columns` is for files": {"columns": "t x y z qx qy qz qw"},
         "topic /slam/path: `start` is for the stamps of files, which may count from a start$": {"start": 5},
     }
     for text, changed in wrong.items():
@@ -520,9 +567,13 @@ def test_equal_poses_at_a_stamp_are_one_and_different_ones_are_left_out(path, op
 
 
 def test_other_arguments_are_refused(path, tmp_path):
-    for name, given in {"path": b"optimized.tum", "times": 3}.items():
-        with pytest.raises(TypeError, match=f"{name}: expected a str or a path, got {given!r}"):
-            bag.Trajectory(**{"path": "a", "parent": "map", "child": "odom", "moving": "base", name: given})
+    for given in (b"optimized.tum", (np.zeros((1, 3)), [[0.0, 0.0, 0.0, 1.0]])):
+        with pytest.raises(TypeError, match="path: expected a str, a path, or arrays with `times`, got "):
+            bag.Trajectory(given, "map", "odom", "base")
+    with pytest.raises(ValueError, match="columns: expected one column for qw, got none"):
+        bag.Trajectory("a", "map", "odom", "base", columns="t x y z qx qy qz")
+    with pytest.raises(ValueError, match="columns: not for poses with `times`"):
+        bag.Trajectory("a", "map", "odom", "base", times="b", columns="t x y z qx qy qz qw")
     with pytest.raises(TypeError, match="trajectory: expected a Trajectory, got str"):
         bag.load(path, trajectory="optimized.tum")
     with pytest.raises(FileNotFoundError):

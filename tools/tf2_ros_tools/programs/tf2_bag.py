@@ -123,7 +123,7 @@ def _trajectory_of(options: Namespace) -> Trajectory | None:
 
     given: list[str] | None = getattr(options, "trajectory", None)
     how: dict[str, Any] = {"on_missing": "skip"}
-    for name in ("times", "start"):
+    for name in ("columns", "times", "start"):
         if (value := getattr(options, f"trajectory_{name}", None)) is not None:
             how[name] = value
             if given is None:
@@ -526,6 +526,11 @@ def _add_trajectory(made: Parser, *, required: bool = False) -> None:
         "file, such as one in TUM's format or with a heading that names its columns, or a topic of the "
         "recording; poses at times at which MOVING in CHILD is unknown are left out",
     )
+    summary = (
+        "what all columns of the file of --trajectory are, such as 'timestamp_us - x y z qw qx qy qz ...', "
+        "where - is one that is not needed, and ... are more of them"
+    )
+    made.add_argument("--trajectory-columns", type=_columns, metavar="NAMES", help=summary)
     summary = "the file of --trajectory is in KITTI's format; read its stamps, in seconds, from this file"
     made.add_argument("--trajectory-times", metavar="FILE", help=summary)
     summary = (
@@ -594,6 +599,16 @@ def _add_when(made: Parser) -> _MutuallyExclusiveGroup:
 
 def _start(text: str) -> int | str:
     return RECORDING if text == RECORDING else nanoseconds(text)
+
+
+def _columns(text: str) -> str:
+    from tf2_ros_tools.recordings.pose_files import columns_of
+
+    try:
+        columns_of(text)
+    except ValueError as error:
+        raise ArgumentTypeError(str(error)) from None
+    return text
 
 
 def _time(text: str) -> int:

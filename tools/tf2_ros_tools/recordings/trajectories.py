@@ -4,6 +4,7 @@
 
 import errno
 import os
+import reprlib
 from array import array
 from collections.abc import Iterable
 from contextlib import suppress
@@ -12,17 +13,24 @@ from os import PathLike
 from typing import Any, Literal, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import BufferCore, ExtrapolationException, TransformException, stored_name
 from tf2_py.printable import counted, printable
-from tf2_py.typing import TimeLike
+from tf2_py.typing import TimeLike, TimesLike
 from tf2_ros.correction import correct
-from tf2_ros.numpy import to_matrix
+from tf2_ros.numpy import to_arrays, to_matrix, to_nanoseconds
 from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.recordings.bag_reader import BagError, Raw, Recorded, as_time_ns, listed, typestore
 from tf2_ros_tools.recordings.joints_and_poses import NAMED, PATH, POSE_ARRAY, POSES, poses_of
-from tf2_ros_tools.recordings.pose_files import LAST_NS, StampedPoses, read_kitti, read_table, read_times
+from tf2_ros_tools.recordings.pose_files import (
+    LAST_NS,
+    StampedPoses,
+    columns_of,
+    read_kitti,
+    read_table,
+    read_times,
+)
 
 S = 1_000_000_000
 # How far a stamp may be from the one that was rounded: many programs write microseconds.
@@ -34,19 +42,20 @@ TYPES = (PATH, *NAMED, *POSES, POSE_ARRAY)
 RECORDING = "recording"  # as a start
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays are not equal or unequal
 class Trajectory:
     """
     Poses of a frame at keyframes, by which :func:`tf2_ros_tools.bag.load` corrects a recording.
 
     :param path: one of
 
-        - a file with a row for each pose, in any order. Its columns are separated by commas or white space.
-          A first line that names them, with or without ``#``, decides which is which, and in which unit; see
-          the page about recordings. Without it, a row has 8 numbers, as in the format of the TUM RGB-D
-          benchmark, which evo and most SLAMs write: stamp (seconds) x y z (meters) qx qy qz qw;
+        - a file with a row for each pose, in any order. Its columns are those of ``columns``, or else of a
+          first line with their names, or of the format of the TUM RGB-D benchmark, which evo and most SLAMs
+          write: stamp (seconds) x y z (meters) qx qy qz qw. See the page about recordings;
         - with ``times``, a file in the format of KITTI: lines of 12 numbers, the first three rows of a
           homogeneous matrix, in meters;
+        - with ``times``, arrays: a tuple ``(translations, rotations)``, or matrices of shape (N, 4, 4), as
+          for :func:`tf2_ros.numpy.to_matrix` and :func:`tf2_ros.numpy.to_arrays`;
         - a topic of the recording, if no file has this name: a str. Of a ``nav_msgs/Path``, the last message
           counts. All messages count of ``nav_msgs/Odometry``, ``geometry_msgs/PoseStamped``,
           ``geometry_msgs/PoseWithCovarianceStamped`` and ``geometry_msgs/TransformStamped``, whatever the
@@ -58,31 +67,39 @@ class Trajectory:
     :param before: see :func:`tf2_ros.correction.correct`.
     :param after: see the same function.
     :param on_missing: see the same function. At least one pose must be used.
-    :param times: a file with a line for each pose in ``path``, its stamp in seconds, or in the unit that its
-        heading names, such as ``timestamp [ns]``; only for KITTI and ``PoseArray``.
+    :param times: the stamps of the poses of KITTI, arrays or a ``PoseArray``: N times, as for
+        ``Buffer.lookup_transforms``, such as those of ``bag.stamps``; or a file with a line for each, in
+        seconds, or in the unit that its heading names, such as ``timestamp [ns]``.
     :param start: a time that is added to all stamps of files, if they count from a start; ``"recording"``:
         the first log time of the recording. None: they are those of the recording's clock.
-    :raises TypeError, ValueError: a path or the name of a frame is something else, or ``start`` is not a
-        time.
+    :param columns: the names of all columns of a file, such as ``timestamp_us - x y z qw qx qy qz``; ``-`` is
+        a column that is not needed, ``...`` at the end any number of them. A heading is then skipped.
+    :raises TypeError, ValueError: a path or the name of a frame is something else, ``start`` is not a time,
+        or ``columns`` does not name each of the eight once.
 
     The pose that is closest to the first odometry is used there if it is at most 1 µs away, because its stamp
     may be rounded; and so at the last one.
     """
 
-    path: str | PathLike[str]
+    path: str | PathLike[str] | tuple[ArrayLike, ArrayLike] | ArrayLike
     parent: str
     child: str
     moving: str
     before: Literal["keep", "hold"] = "keep"
     after: Literal["keep", "hold"] = "hold"
     on_missing: Literal["raise", "skip"] = "raise"
-    times: str | PathLike[str] | None = None
+    times: str | PathLike[str] | TimesLike | None = None
     start: TimeLike | Literal["recording"] | None = None
+    columns: str | None = None
 
     def __post_init__(self) -> None:
-        for name in ("path", "times") if self.times is not None else ("path",):
-            if not isinstance(given := getattr(self, name), str | PathLike):
-                raise TypeError(f"{name}: expected a str or a path, got {given!r}")
+        if not isinstance(self.path, str | PathLike) and self.times is None:
+            given = reprlib.repr(self.path)
+            raise TypeError(f"path: expected a str, a path, or arrays with `times`, got {given}")
+        if self.columns is not None:
+            columns_of(self.columns)
+            if self.times is not None:
+                raise ValueError("columns: not for poses with `times`")
         for name in ("parent", "child", "moving"):
             if not isinstance(frame := getattr(self, name), str):
                 raise TypeError(f"{name}: expected a str, the name of a frame, got {frame!r}")
@@ -109,15 +126,19 @@ class Keyframes:
         if not isinstance(trajectory, Trajectory):
             raise TypeError(f"trajectory: expected a Trajectory, got {type(trajectory).__name__}")
         self._trajectory, path, times = trajectory, trajectory.path, trajectory.times
-        self._name = printable(os.fspath(path))
+        self._name = _name_of("path", path)
         self.child = stored_name(trajectory.child)
         self.topic = path if isinstance(path, str) and not os.path.exists(path) else None
-        self._in_files: StampedPoses | None = None
+        self._given: StampedPoses | None = None
         self._times_ns: NDArray[np.int64] | None = None
-        if self.topic is None:
-            self._in_files = read_table(path) if times is None else read_kitti(path, times)
-        elif times is not None:
-            self._times_ns = read_times(times)
+        if times is not None:
+            self._times_ns = read_times(times) if isinstance(times, str | PathLike) else to_nanoseconds(times)
+        if not isinstance(path, str | PathLike):
+            self._given = _of_arrays(path, self._times_ns)
+        elif self.topic is None and self._times_ns is not None:
+            self._given = read_kitti(path, self._times_ns, _name_of("times", times))
+        elif self.topic is None:
+            self._given = read_table(path, trajectory.columns)
 
     def read(self, recorded: Recorded, prefix: str = "") -> StampedPoses:
         """
@@ -127,11 +148,11 @@ class Keyframes:
         :raises FileNotFoundError: there is neither a file nor a topic with this name.
         :raises BagError: the topic has no such poses, or a stamp is too large.
         """
-        poses = self._in_files or self._of_topic(recorded, prefix)
+        poses = self._given or self._of_topic(recorded, prefix)
         start = self._trajectory.start
         if start is None:
             return poses
-        if self._in_files is None and self._times_ns is None:
+        if self._given is None and self._times_ns is None:
             raise BagError(f"{poses.name}: `start` is for the stamps of files, which may count from a start")
         start_ns = recorded.start_ns or 0
         if not isinstance(start, str):
@@ -170,7 +191,7 @@ class Keyframes:
             )
         times_ns = np.array(stamps_ns) if self._times_ns is None else self._times_ns
         if len(times_ns) != count:
-            times = printable(os.fspath(self._trajectory.times or ""))
+            times = _name_of("times", self._trajectory.times)
             raise BagError(
                 f"expected a stamp for each of the {count} poses in {name}, got {len(times_ns)} in {times}"
             )
@@ -188,6 +209,8 @@ class Keyframes:
                 f"neither a file nor a topic of {path}, whose topics with poses are: {others}",
                 topic,
             )
+        if self._trajectory.columns is not None:
+            raise BagError(f"{path}, topic {printable(topic)}: `columns` is for files")
         msgtype = recorded.topics[topic].msgtype
         if msgtype not in TYPES:
             raise BagError(
@@ -195,7 +218,7 @@ class Keyframes:
                 f" got {printable(msgtype)}"
             )
         if (msgtype == POSE_ARRAY) != (self._times_ns is not None):
-            text = "poses of a PoseArray have no stamps: `times` or --trajectory-times is a file with them"
+            text = "poses of a PoseArray have no stamps: pass them as `times` or --trajectory-times"
             if self._times_ns is not None:
                 text = f"the poses of a {msgtype} have stamps; `times` is not for them"
             raise BagError(f"{path}, topic {printable(topic)}: {text}")
@@ -336,6 +359,26 @@ def fill_between_keyframes(buffer: BufferCore, parent: str, child: str, moving: 
     known = ~np.isnan(found[:, 0])
     transforms = serialize_arrays([(parent, child)] * int(known.sum()), times_ns[known], found[known])
     buffer.set_transforms_cdr(transforms, "tf2_bag correct")
+
+
+def _of_arrays(poses: Any, times_ns: Any) -> StampedPoses:
+    """:raises TypeError, ValueError: they are not N poses and times."""
+    pair = poses if isinstance(poses, tuple) else to_arrays(poses)
+    to_matrix(pair)  # checks the shapes
+    translations, rotations = (np.array(part, float) for part in pair)
+    if translations.ndim != 2 or not len(translations):
+        raise ValueError(
+            f"path: expected N poses, got arrays of shapes {translations.shape} and {rotations.shape}"
+        )
+    if times_ns.shape != (count := len(translations),):
+        raise ValueError(f"expected a stamp for each of the {count} poses, got {len(times_ns)} in `times`")
+    found = StampedPoses("the trajectory", "pose", np.arange(1, count + 1), times_ns, translations, rotations)
+    found.check()
+    return found
+
+
+def _name_of(argument: str, path: Any) -> str:
+    return printable(os.fspath(path)) if isinstance(path, str | PathLike) else f"`{argument}`"
 
 
 def _of_equal_stamps(poses: StampedPoses, *, skips: bool) -> tuple[int, int]:

@@ -35,6 +35,7 @@ NEEDS_DDS = pytest.mark.skipif(find_spec("cyclonedds") is None, reason="cycloned
         ),
         ({"where": "ws://me:pass@robot"}, "only a host, a port and options are understood"),
         ({"where": "dds://?peers=robot#1"}, "only a host, a port and options are understood"),
+        ({"where": "dds://?peers=robot&peers=other"}, "an option is given twice"),
         ({"where": "dds://", "topic": ""}, "expected the name of a topic, such as /tf, got ''"),
         (
             {"where": "dds://", "topic": "tf_static"},

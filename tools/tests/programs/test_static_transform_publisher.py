@@ -99,6 +99,10 @@ def test_a_transform_is_published_under_the_stored_names():
         ("{frame_id: /c, child_frame_id: c}", "frame_id and child_frame_id must differ, but both are 'c'"),
         ("{frame_id: c, child_frame_id: //d}", "'child_frame_id': expected the name of a frame, got '//d'"),
         ("{frame_id: /, child_frame_id: d}", "'frame_id': expected the name of a frame, got '/'"),
+        # In YAML 1.1, 8 and 90.
+        ("{frame_id: c, child_frame_id: d, x: 010}", "expected a decimal number, got '010'"),
+        ("{frame_id: c, child_frame_id: d, x: 1:30}", "expected a decimal number, got '1:30'"),
+        ("{frame_id: c, child_frame_id: d, x: -1:30.5}", "expected a decimal number, got '-1:30.5'"),
     ],
 )
 def test_what_is_wrong_in_a_file_is_told_with_its_place(tmp_path, second, said):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Read YAML files that people write: expectations, static transforms."""
 
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
@@ -12,6 +13,7 @@ from tf2_py import stored_name
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.program import UsageError
 
+NOT_DECIMAL = re.compile(r"[-+]?0[\d_]|.*:")  # in YAML 1.1, 010 is 8, and 1:30 is 90
 LAST_S = 2**31 - 1  # the last stamp that a message can hold
 
 
@@ -32,6 +34,15 @@ def read_yaml(path: Path) -> Any:
                 raise yaml.MarkedYAMLError(problem=f"{key!r} occurs twice", problem_mark=node.start_mark)
             return super().construct_mapping(node, deep)
 
+        def construct_number(self, node: yaml.ScalarNode) -> Any:
+            if NOT_DECIMAL.match(node.value):
+                problem = f"expected a decimal number, got {node.value!r}"
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+            is_int = node.tag == "tag:yaml.org,2002:int"
+            return self.construct_yaml_int(node) if is_int else self.construct_yaml_float(node)
+
+    for kind in ("int", "float"):
+        Loader.add_constructor(f"tag:yaml.org,2002:{kind}", Loader.construct_number)
     try:
         with open(path, encoding="utf-8") as file:
             return yaml.load(file, Loader)

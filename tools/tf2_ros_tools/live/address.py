@@ -35,6 +35,9 @@ def parse(where: str, domain: int | None, topics: tuple[str, str]) -> Address:
         port = parts.port
         if port == 0:
             raise ValueError("a port is a number from 1 to 65535")
+        options = parse_qsl(parts.query, keep_blank_values=True)
+        if len(options) > len(dict(options)):
+            raise ValueError("an option is given twice")
         if "://" in where and (parts.path.strip("/") or parts.fragment or parts.username is not None):
             raise ValueError("only a host, a port and options are understood")
     except ValueError as error:
@@ -47,7 +50,7 @@ def parse(where: str, domain: int | None, topics: tuple[str, str]) -> Address:
         parts.scheme,
         parts.hostname or "",
         port,
-        dict(parse_qsl(parts.query, keep_blank_values=True)),
+        dict(options),
         _domain(domain),
         (names[0], names[1]),
     )

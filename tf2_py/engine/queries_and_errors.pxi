@@ -58,7 +58,7 @@ cdef class PolicyObject:
 
     cdef int _read_limits(self, FrameLimits* limits, object given, str argument, int64_t others_ns) except -1:
         cdef FrameLimit* named
-        cdef bint is_one = PyFloat_CheckExact(given) or type(given) is _direct_duration.cls
+        cdef bint is_one = PyFloat_CheckExact(given) or type(given) is direct_duration.cls
         if is_one or not isinstance(given, Mapping):    # which takes longer than the lookup
             limits.others_ns = _not_negative(given, argument)
             return 0
@@ -89,9 +89,9 @@ cdef int64_t _not_negative(object duration, str argument) except -1:
     # INT64_MAX: without end.
     cdef int64_t found_ns = duration_ns(duration, argument)
     if found_ns < 0:
-        given = "-inf" if found_ns <= -_FOR_EVER_NS else errors.seconds(found_ns)
+        given = "-inf" if found_ns <= -LONGEST_NS else errors.seconds(found_ns)
         raise ValueError(f"{argument} must not be negative, got {given} s")
-    return INT64_MAX if found_ns >= _FOR_EVER_NS else found_ns
+    return INT64_MAX if found_ns >= LONGEST_NS else found_ns
 
 
 cdef str _unexpected(str name, str call, waits):

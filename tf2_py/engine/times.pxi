@@ -18,8 +18,8 @@ TIMES_WITHOUT_ROS = "an int of nanoseconds, as round(seconds * 1e9), a datetime6
 DURATION_TO_USE = "Duration(seconds=...)"
 # Integers that mean years in seconds, and 0.1 s to a day in nanoseconds.
 LIKE_NANOSECONDS = range(10**8, 10**14)
-cdef int64_t _FOR_EVER_NS = <int64_t>1 << 62
-FOR_EVER_NS = _FOR_EVER_NS     # 146 years; added to a steady time, it still fits into 64 bits
+cdef int64_t LONGEST_NS = <int64_t>1 << 62
+FOR_EVER_NS = LONGEST_NS     # 146 years; added to a steady time, it still fits into 64 bits
 
 cdef int64_t MAX_SECONDS = INT64_MAX // NS_PER_S
 
@@ -103,13 +103,13 @@ cdef class DirectClass:
         return True
 
 
-cdef DirectClass _direct_time = DirectClass("_time_handle")
-cdef DirectClass _direct_duration = DirectClass("_duration_handle")
+cdef DirectClass direct_time = DirectClass("_time_handle")
+cdef DirectClass direct_duration = DirectClass("_duration_handle")
 
 
 cdef int64_t nanoseconds(object value, str argument) except? -1:
     cdef int64_t found_ns
-    if _direct_time.read(value, &found_ns):
+    if direct_time.read(value, &found_ns):
         return found_ns
     load_time()
     if type(value) is time_layout.message_class:
@@ -124,8 +124,8 @@ cdef int64_t nanoseconds(object value, str argument) except? -1:
     found = getattr(value, "nanoseconds", None)
     if found is not None:
         _refuse_duration(value, found, argument)
-        if type(value) is not _direct_time.cls and type(value) is _rclpy_class("time", "Time"):
-            _direct_time.look_at(type(value))
+        if type(value) is not direct_time.cls and type(value) is _rclpy_class("time", "Time"):
+            direct_time.look_at(type(value))
         return whole_number(found, "nanoseconds")
     if hasattr(value, "sec") and hasattr(value, "nanosec"):
         _refuse_duration(value, value.sec or value.nanosec, argument)
@@ -242,8 +242,8 @@ cpdef int64_t duration_ns(object duration, str argument) except? -1:
     Durations beyond plus or minus FOR_EVER_NS, including infinite floats, are limited to it.
     """
     cdef int64_t found_ns
-    if _direct_duration.read(duration, &found_ns):
-        return max(-_FOR_EVER_NS, min(found_ns, _FOR_EVER_NS))
+    if direct_duration.read(duration, &found_ns):
+        return max(-LONGEST_NS, min(found_ns, LONGEST_NS))
     if PyFloat_CheckExact(duration):
         return _seconds_ns(duration, argument)
     if not PyLong_CheckExact(duration) and _of_fields(duration, argument, &found_ns):
@@ -281,8 +281,8 @@ cdef bint _of_fields(object duration, str argument, int64_t* found_ns) except -1
         return True
     if hasattr(duration, "nanoseconds"):
         cls = type(duration)
-        if cls is not _direct_duration.cls and cls is _rclpy_class("duration", "Duration"):
-            _direct_duration.look_at(cls)
+        if cls is not direct_duration.cls and cls is _rclpy_class("duration", "Duration"):
+            direct_duration.look_at(cls)
         found_ns[0] = _at_most_for_ever(duration.nanoseconds)
         return True
     if hasattr(duration, "sec") and hasattr(duration, "nanosec"):
@@ -295,9 +295,9 @@ cdef int64_t _seconds_ns(double seconds, str argument) except? -1:
     cdef double found_ns = seconds * NS_PER_S
     if found_ns != found_ns:
         raise ValueError(f"{argument}: expected a duration or seconds, got NaN: use {DURATION_TO_USE}")
-    if found_ns >= <double>_FOR_EVER_NS:
-        return _FOR_EVER_NS
-    return -_FOR_EVER_NS if found_ns <= -<double>_FOR_EVER_NS else <int64_t>found_ns
+    if found_ns >= <double>LONGEST_NS:
+        return LONGEST_NS
+    return -LONGEST_NS if found_ns <= -<double>LONGEST_NS else <int64_t>found_ns
 
 
 cdef object _at_most_for_ever(object duration_ns):

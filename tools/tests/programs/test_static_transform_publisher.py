@@ -108,7 +108,7 @@ def test_a_transform_is_published_under_the_stored_names():
 def test_what_is_wrong_in_a_file_is_told_with_its_place(tmp_path, second, said):
     path = tmp_path / "transforms.yaml"
     path.write_text(f"- {{frame_id: a, child_frame_id: b}}\n- {second}")
-    with pytest.raises(ValueError, match=re.escape(said)):
+    with pytest.raises((ValueError, UsageError), match=re.escape(said)):
         read_file(path)
 
 

@@ -820,9 +820,9 @@ class BufferCore:
         policy: Any = None,
     ) -> bool:
         """Whether :meth:`_tf2_look_up` would return an answer. It raises what that raises."""
-    def _tf2_can(self, target_frame: str, source_frame: str, time: TimeLike) -> bool:
+    def _tf2_can_core(self, target_frame: str, source_frame: str, time: TimeLike) -> bool:
         """What :meth:`can_transform_core` says, also that of a program; if it is ours, it makes no text."""
-    def _tf2_can_full(
+    def _tf2_can_full_core(
         self,
         target_frame: str,
         target_time: TimeLike,
@@ -830,7 +830,7 @@ class BufferCore:
         source_time: TimeLike,
         fixed_frame: str,
     ) -> bool:
-        """What :meth:`can_transform_full_core` says, as :meth:`_tf2_can`."""
+        """What :meth:`can_transform_full_core` says, as :meth:`_tf2_can_core`."""
     def _describe_silence_with(self, find_silence: Callable[[Any], tuple[str, str]]) -> None:
         """
         Have errors report which topics are silent.

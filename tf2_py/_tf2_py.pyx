@@ -465,7 +465,7 @@ cdef class BufferCore(Engine):
     # Looking transforms up.
 
     cdef bint _find(self, Query* query, Transform* out, int64_t* stamp_ns, bint or_none) except -1:
-        # Whether there is an answer. Without `or_none`, and for a limit that could never apply, raise why not.
+        # Whether there is an answer. Without `or_none`, and for a limit that never applies, raise why not.
         cdef ClockReading reading
         cdef Status status
         if query.policy.is_given and query.policy.judges_age:
@@ -814,7 +814,7 @@ cdef class BufferCore(Engine):
         query_fix(&query, fixed_frame, target_time)
         return self._can_or_why(&query)
 
-    def _tf2_can(self, target_frame: str, source_frame: str, time: TimeLike) -> bool:
+    def _tf2_can_core(self, target_frame: str, source_frame: str, time: TimeLike) -> bool:
         """What :meth:`can_transform_core` says, also that of a program; if it is ours, it makes no text."""
         cdef Query query
         cdef Status status
@@ -826,7 +826,7 @@ cdef class BufferCore(Engine):
         query_at(&query, time)
         return self._can(&query, &status)
 
-    def _tf2_can_full(
+    def _tf2_can_full_core(
         self,
         target_frame: str,
         target_time: TimeLike,
@@ -834,7 +834,7 @@ cdef class BufferCore(Engine):
         source_time: TimeLike,
         fixed_frame: str,
     ) -> bool:
-        """What :meth:`can_transform_full_core` says, as :meth:`_tf2_can`."""
+        """What :meth:`can_transform_full_core` says, as :meth:`_tf2_can_core`."""
         cdef Query query
         cdef Status status
         core = self.can_transform_full_core

@@ -339,7 +339,7 @@ class Buffer(BufferCore, BufferInterface):
             """
             if timeout is NO_TIMEOUT and not policy:
                 if not return_debug_tuple:
-                    return self._tf2_can(target_frame, source_frame, time)
+                    return self._tf2_can_core(target_frame, source_frame, time)
                 can, reason = self.can_transform_core(target_frame, source_frame, time)
                 return bool(can), reason
             accepted = policy_of("can_transform", True, **policy) if policy else None
@@ -370,7 +370,7 @@ class Buffer(BufferCore, BufferInterface):
             arguments = target_frame, target_time, source_frame, source_time, fixed_frame
             if timeout is NO_TIMEOUT and not policy:
                 if not return_debug_tuple:
-                    return self._tf2_can_full(*arguments)
+                    return self._tf2_can_full_core(*arguments)
                 can, reason = self.can_transform_full_core(*arguments)
                 return bool(can), reason
             accepted = policy_of("can_transform_full", True, **policy) if policy else None

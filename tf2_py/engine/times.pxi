@@ -276,8 +276,8 @@ cdef bint _of_fields(object duration, str argument, int64_t* found_ns) except -1
         raise TypeError(f"{argument}: expected a duration, got a Time: use {DURATION_TO_USE}")
     # In the timedelta of pandas, `nanoseconds` is only the part below a microsecond.
     if isinstance(duration, datetime.timedelta):
-        found_ns[0] = _at_most_for_ever(duration // datetime.timedelta(microseconds=1) * 1000
-                                       + getattr(duration, "nanoseconds", 0))
+        whole_ns = duration // datetime.timedelta(microseconds=1) * 1000
+        found_ns[0] = _at_most_for_ever(whole_ns + getattr(duration, "nanoseconds", 0))
         return True
     if hasattr(duration, "nanoseconds"):
         cls = type(duration)

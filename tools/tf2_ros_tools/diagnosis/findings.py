@@ -430,11 +430,11 @@ class Received:
             is_wide = (away >= POSES_APART_M) | (turned >= POSES_APART_DEGREES)
             if is_wide.any():
                 wide = others[is_wide]
-                parent, at = printable(one.parents[wide[0]]), counted(len(np.unique(stamps[wide])), "stamp")
+                parent, at = one.parents.item(wide[0]), counted(len(np.unique(stamps[wide])), "stamp")
                 apart = f"{three_digits(away[is_wide].max())} m and {three_digits(turned[is_wide].max())}"
                 text = (
-                    f"{name} in {parent} has different poses at {at}, up to {apart} degrees apart, first at"
-                    f" {stamps[wide[0]] / S:.3f} s: lookups mix them"
+                    f"{name} in {printable(parent)} has different poses at {at}, up to {apart} degrees"
+                    f" apart, first at {stamps[wide[0]] / S:.3f} s: lookups mix them"
                 )
                 yield Finding("values", one.frame, text)
 

@@ -17,8 +17,9 @@ from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros_tools.common.program import RunError, UsageError
+from tf2_ros_tools.common.static_transforms import read_file
 from tf2_ros_tools.programs import tf2_bag
-from tf2_ros_tools.programs.static_transform_publisher import PARSER, read_file, transforms_of
+from tf2_ros_tools.programs.static_transform_publisher import PARSER, transforms_of
 from tf2_ros_tools.recordings.bag_loader import static_transforms
 
 NAME = "static_transform_publisher"

@@ -8,28 +8,26 @@ import secrets
 import sys
 from argparse import Namespace
 from functools import partial
-from math import hypot, inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from tf2_py.printable import counted, printable
 from tf2_ros_tools.common.options import add_topic_option, by_topic, finite_number
 from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, UsageError, run, wait_until_interrupted
-from tf2_ros_tools.common.roll_pitch_yaw import quaternion_from_rpy
-from tf2_ros_tools.common.yaml_files import Key, frame_name, number_in, read_keys, read_list
+from tf2_ros_tools.common.static_transforms import (
+    ENTRY,
+    EULER,
+    FRAMES,
+    NUMBERS,
+    QUATERNION,
+    TRANSLATION,
+    normalize,
+    read_file,
+    transform_of,
+)
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
-
-FRAMES = ("frame_id", "child_frame_id")
-TRANSLATION = ("x", "y", "z")
-QUATERNION = ("qx", "qy", "qz", "qw")
-EULER = ("roll", "pitch", "yaw")
-NUMBERS = (*TRANSLATION, *QUATERNION, *EULER)
-
-# How far the squared length of a quaternion may differ from 1 if tf2's C++ is to accept it.
-TOLERANCE = 0.01
-
 
 DESCRIPTION = """\
 Publish the transform from a child frame to its parent on /tf_static, until interrupted. Omitted values \
@@ -44,8 +42,6 @@ it starts later.
 
 Exit status: 0 when interrupted; 1 if publishing failed, or if the recording cannot be read or has no static \
 transforms; 2 after wrong usage."""
-
-ENTRY = "{frame_id: base_link, child_frame_id: camera, x: 0.3, yaw: -1.57}"  # of a file
 
 EXAMPLE = f"""\
   static_transform_publisher --x 0.3 --yaw -1.57 --frame-id base_link --child-frame-id camera
@@ -147,12 +143,9 @@ def publish(options: Namespace) -> NoReturn:
             log.warning("Old-style arguments are deprecated; see --help for new-style arguments")
         for one in transforms:
             one.header.stamp = stamp
-            q = one.transform.rotation
-            length = hypot(q.x, q.y, q.z, q.w)
-            if abs(length * length - 1.0) >= TOLERANCE:
+            if (length := normalize(one)) is not None:
                 text = f"Normalized the quaternion of {one.child_frame_id}, whose length is {length:g}"
                 log.warning(printable(text))
-                q.x, q.y, q.z, q.w = (part / length for part in (q.x, q.y, q.z, q.w))
         log.info(_summary(options, transforms))
         StaticTransformBroadcaster(node).sendTransform(transforms)
         wait_until_interrupted()
@@ -171,63 +164,6 @@ def _summary(options: Namespace, transforms: list[TransformStamped]) -> str:
         f"rotation: {tuple(f'{number:f}' for number in (q.x, q.y, q.z, q.w))}\n"
         f"from '{printable(one.header.frame_id)}' to '{printable(one.child_frame_id)}'"
     )
-
-
-# Read static transforms as users write them.
-
-
-_FRAME = Key("the name of a frame", frame_name, is_required=True)
-_NUMBER = Key("a finite number", number_in(-sys.float_info.max, sys.float_info.max))
-KEYS = {**dict.fromkeys(FRAMES, _FRAME), **dict.fromkeys(NUMBERS, _NUMBER)}
-
-
-def read_file(path: Path) -> list[TransformStamped]:
-    """
-    Read a YAML file: a list of mappings with the names of FRAMES and NUMBERS.
-
-    :raises UsageError: the file cannot be read.
-    :raises ValueError: its contents are wrong.
-    """
-    from tf2_ros_tools.urdf import one_in_a_loop
-
-    entries = enumerate(read_list(path, "transforms", ENTRY), start=1)
-    transforms = [transform_of(f"{path}: transform {place}", entry) for place, entry in entries]
-    parents: dict[str, str] = {}
-    for one in transforms:
-        if one.child_frame_id in parents:
-            raise ValueError(f"{path}: the frame {one.child_frame_id!r} has two transforms")
-        parents[one.child_frame_id] = one.header.frame_id
-    if (frame := one_in_a_loop(parents)) is not None:
-        raise ValueError(f"{path}: the frame {frame!r} is its own ancestor")
-    return transforms
-
-
-def transform_of(label: str, given: Any) -> TransformStamped:
-    """
-    Make a transform from a mapping with the names of FRAMES and NUMBERS.
-
-    :param label: what it is, for errors.
-    :raises ValueError: its contents are wrong.
-    """
-    from geometry_msgs.msg import TransformStamped
-
-    read = read_keys(label, given, KEYS, ENTRY)
-    frame, child = (read[name] for name in FRAMES)
-    if frame == child:
-        raise ValueError(f"{label}: {' and '.join(FRAMES)} must differ, but both are {frame!r}")
-    rotation = tuple(read.get(name, float(name == "qw")) for name in QUATERNION)
-    if read.keys() & set(EULER):
-        if read.keys() & set(QUATERNION):
-            raise ValueError(f"{label}: quaternion and Euler angles are mutually exclusive")
-        rotation = quaternion_from_rpy(*(read.get(name, 0.0) for name in EULER))
-    if not 0.0 < hypot(*rotation) < inf:
-        raise ValueError(f"{label}: expected a quaternion of finite, non-zero length, got {rotation}")
-    made = TransformStamped(child_frame_id=child)
-    made.header.frame_id = frame
-    t, q = made.transform.translation, made.transform.rotation
-    t.x, t.y, t.z = (read.get(name, 0.0) for name in TRANSLATION)
-    q.x, q.y, q.z, q.w = rotation
-    return made
 
 
 main = partial(run, PARSER, publish, interrupted=SUCCESS)

@@ -259,6 +259,7 @@ class Buffer(BufferCore, BufferInterface):
         >>> buffer.lookup_transform("base_link", "camera", 1_000_000_000, timeout=0.5).header.stamp.sec
         1
         """
+        # Keyword-only parameters would make this, the usual call, slower than `**policy` does.
         if timeout is NO_TIMEOUT and not policy:
             return self.lookup_transform_core(target_frame, source_frame, time)
         accepted = policy_of("lookup_transform", True, **policy) if policy else None

@@ -85,6 +85,7 @@ cdef struct Subscribed:
 
 cdef void _arrived(const void* data, size_t count) noexcept nogil:
     # The middleware calls this, under its own locks, in any thread, perhaps with the GIL.
+    # It takes neither a lock nor the GIL: `unsubscribe` holds the GIL while it waits for this to return.
     cdef Arrivals* topic = <Arrivals*>data
     cdef uint32_t before = add_seq_cst(&topic.arrived, <uint32_t>count)
     cdef InboxState* inbox = topic.inbox

@@ -193,7 +193,8 @@ class Buffer(BufferCore, BufferInterface):
         """
         The clock by which ages are counted; None: ages are not known.
 
-        Another object may be assigned whose ``now()`` returns a time.
+        Another object may be assigned whose ``now()`` returns a time. What it raises replaces the error of a
+        lookup, or becomes the result of a wait with ``max_age`` that is being answered.
         """
         found: Any = None if self._tf2_clock is None else self._tf2_clock.clock
         return found  # a program may have assigned None, or a clock of its own

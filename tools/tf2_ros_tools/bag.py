@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Load recordings into buffers, and save buffers as recordings, with or without ROS."""
+"""Load and rewrite recordings, and save buffers as recordings, with or without ROS."""
 
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.recordings.bag_loader import load, transforms
 from tf2_ros_tools.recordings.bag_reader import BagError
 from tf2_ros_tools.recordings.datasets import Dataset, dataset
 from tf2_ros_tools.recordings.header_stamps import stamps
+from tf2_ros_tools.recordings.rewriting import rewrite
 from tf2_ros_tools.recordings.saved_buffers import save
 from tf2_ros_tools.recordings.trajectories import Trajectory
 
@@ -21,6 +22,7 @@ __all__ = [
     "Trajectory",
     "dataset",
     "load",
+    "rewrite",
     "save",
     "stamps",
     "transforms",

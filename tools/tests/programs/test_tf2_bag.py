@@ -9,7 +9,6 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +23,6 @@ from making_bags import (
     drive,
     scan,
     series,
-    write_folder,
     write_mcap,
 )
 from pickles_and_copies import held
@@ -179,9 +177,9 @@ class TestTrajectory:
         written = str(tmp_path / "path.svg")
         assert run("plot", drive_mcap, "--path", "world", "base", *world, "-o", written)[0] == 0
 
-    def test_correct_writes_a_recording_that_says_the_same(self, run, drive_mcap, tum, tmp_path):
+    def test_rewrite_writes_a_recording_that_says_the_same(self, run, drive_mcap, tum, tmp_path):
         own, written = ("--trajectory", tum, "map", "odom", "base"), str(tmp_path / "corrected.mcap")
-        status, out, err = run("correct", drive_mcap, *own, "-o", written)
+        status, out, err = run("rewrite", drive_mcap, *own, "-o", written)
         assert (status, out, err.count("left out")) == (0, f"{written}\n", 1)
         for frame in ("base", "camera", "lidar"):
             ends = ("map", frame, "--rate", "50")
@@ -199,7 +197,7 @@ class TestTrajectory:
         assert len(Buffer.open(frozen).histories()["odom"].stamps_ns) < 20
 
     @pytest.mark.parametrize("later", ["dated ahead", "another parent"])
-    def test_correct_needs_no_odometry_at_the_last_stamp(self, run, tmp_path, later):
+    def test_rewrite_needs_no_odometry_at_the_last_stamp(self, run, tmp_path, later):
         """A localizer dates its transforms ahead; or the robot is carried away at the end."""
         stamps = [100 * S + i * S // 10 for i in range(100)]
         ahead = S if later == "dated ahead" else 0
@@ -210,31 +208,12 @@ class TestTrajectory:
         path, written = write_mcap(tmp_path / "run.mcap", sent), tmp_path / "corrected.mcap"
         (tmp_path / "two.tum").write_text("101 1 5 0 0 0 0 1\n109 9 5 0 0 0 0 1\n")
         own = ("--trajectory", tmp_path / "two.tum", "map", "odom", "base")
-        assert run("correct", path, *own, "-o", written)[0] == 0
+        assert run("rewrite", path, *own, "-o", written)[0] == 0
         buffer = load(written)
         inside = [ns for ns in stamps if 101 * S <= ns <= 109 * S]
         assert set(inside) <= {*buffer.histories()["odom"].stamps_ns.tolist()}
         places = buffer.lookup_transforms("map", "base", inside)[0]
         np.testing.assert_allclose(places, [(ns / S - 100, 5, 0) for ns in inside], rtol=0, atol=1e-9)
-
-    def test_correct_never_replaces_the_recording(self, run, drive_mcap, tum, tmp_path):
-        own = ("--trajectory", tum, "map", "odom", "base")
-        folder = write_folder(tmp_path / "run", drive(100))
-        link = tmp_path / "link.mcap"
-        link.symlink_to(drive_mcap)
-        inside = str(folder / "run.mcap")
-        content = Path(drive_mcap).read_bytes()
-        for file, output in (
-            (drive_mcap, drive_mcap),
-            (drive_mcap, link),
-            (link, drive_mcap),
-            (folder, inside),
-        ):
-            with pytest.raises(UsageError, match="is the recording; choose another file"):
-                run("correct", file, *own, "-o", output)
-        assert Path(drive_mcap).read_bytes() == content
-        with pytest.raises(SystemExit, match="2"):
-            run("correct", drive_mcap, "-o", tmp_path / "a.mcap")
 
     def test_the_time_between_keyframes_is_not_a_gap_of_a_lookup(self, run, tmp_path):
         keyframes, missing = "100 0 0 0 0 0 0 1\n109.9 9 0 0 0 0 0 1\n", (103 * S, 105 * S)
@@ -464,6 +443,16 @@ def test_check_finds_stamps_that_jump_and_stamps_with_two_poses(run, jump, kind,
             sent.append(Sent(ns + 1, "/tf", [Tf("map", "base", ns, (0.25, 0, 0))]))
     status, out, _ = run("check", write_mcap(tmp_path / "run.mcap", sent))
     assert (status, f"{kind}: {said}" in out) == (1, True)
+
+
+def test_parents_on_both_topics_have_a_cure(run, tmp_path):
+    mast = [Sent((101 + i) * S, "/tf", [Tf("mast", "camera", (101 + i) * S)]) for i in range(3)]
+    path, written = write_mcap(tmp_path / "run.mcap", [*drive(60), *mast]), str(tmp_path / "written.mcap")
+    out = run("check", path)[1]
+    assert "mixed: camera" in out and "`tf2_bag rewrite --statics` replaces both\n" in out
+    assert "; `tf2_bag rewrite --drop PARENT,camera` leaves one out\n" in out
+    assert run("rewrite", path, "--drop", "mast,camera", "-o", written)[0] == 0
+    assert not re.search("^(parents|mixed): ", run("check", written)[1], re.MULTILINE)
 
 
 def test_a_library_that_the_end_needs_is_missed_before_the_recording_is_read(run, tmp_path, monkeypatch):

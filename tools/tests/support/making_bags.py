@@ -16,6 +16,7 @@ from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 from mcap_protobuf.schema import register_schema
 from rosbags import rosbag1, rosbag2
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from times_and_transforms import S, about_z
@@ -169,11 +170,25 @@ def raw(sent):
     return bytes(store().serialize_cdr(message(sent), sent.msgtype))
 
 
-def write_folder(path, messages, storage="mcap", compression=None):
+ANY = Qos(
+    QosHistory.KEEP_LAST,
+    1,
+    QosReliability.RELIABLE,
+    QosDurability.VOLATILE,
+    *(QosTime(0, 0), QosTime(0, 0)),
+    QosLiveliness.AUTOMATIC,
+    QosTime(0, 0),
+    avoid_ros_namespace_conventions=False,
+)
+LATCHED = ANY._replace(durability=QosDurability.TRANSIENT_LOCAL)
+
+
+def write_folder(path, messages, storage="mcap", compression=None, qos=None):
     """
     A folder of rosbag2.
 
     :param compression: None, "file", "message", or "storage" (chunks; of mcap).
+    :param qos: None, or lists of Qos, by topic.
     """
     plugin = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}[storage]
     writer = rosbag2.Writer(path, version=9, storage_plugin=plugin)
@@ -183,7 +198,12 @@ def write_folder(path, messages, storage="mcap", compression=None):
         connections = {}
         for one in messages:
             if one.topic not in connections:
-                connections[one.topic] = writer.add_connection(one.topic, one.msgtype, typestore=store())
+                connections[one.topic] = writer.add_connection(
+                    one.topic,
+                    one.msgtype,
+                    typestore=store(),
+                    offered_qos_profiles=(qos or {}).get(one.topic, ()),
+                )
             writer.write(connections[one.topic], one.log_ns, raw(one))
     return path
 
@@ -215,6 +235,7 @@ def write_mcap(
     chunked=True,
     chunk_size=2000,
     topics=(),
+    qos=None,
 ):
     """
     A bare .mcap, by the library mcap; small chunks, so that there are several.
@@ -238,7 +259,8 @@ def write_mcap(
         if topic not in channels:
             text, _ = store().generate_msgdef(msgtype, ros_version=2)
             schema = writer.register_schema(msgtype, "ros2msg", text.encode())
-            channels[topic] = writer.register_channel(topic, "cdr", schema)
+            offered = {"offered_qos_profiles": qos[topic]} if topic in (qos or {}) else {}
+            channels[topic] = writer.register_channel(topic, "cdr", schema, offered)
     for one in messages:
         writer.add_message(channels[one.topic], one.log_ns, raw(one), one.log_ns)
     writer.finish()
@@ -281,9 +303,9 @@ def in_protobuf(sent):
     return made.SerializeToString()
 
 
-def write_db3(path, messages):
+def write_db3(path, messages, qos=None):
     """A bare .db3."""
-    folder = write_folder(path.parent / f"{path.name}_folder", messages, "sqlite3")
+    folder = write_folder(path.parent / f"{path.name}_folder", messages, "sqlite3", qos=qos)
     shutil.move(folder / f"{folder.name}.db3", path)
     shutil.rmtree(folder)
     return path

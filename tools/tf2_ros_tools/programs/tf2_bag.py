@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     from tf2_py import Hop
     from tf2_ros_tools.diagnosis.stream_statistics import Stream
-    from tf2_ros_tools.recordings.bag_loader import BagContents, Topics, Urdf
+    from tf2_ros_tools.recordings.bag_loader import BagContents, Topics, Urdf, Wanted
     from tf2_ros_tools.recordings.bag_reader import Recorded, RecordedTopic
     from tf2_ros_tools.recordings.report import Report
     from tf2_ros_tools.recordings.trajectories import Trajectory
@@ -68,6 +68,13 @@ RECORDING = "recording"  # in place of a time
 JSON = "print one JSON object"  # the help of an option
 # Further paragraphs of the help of commands.
 KINDS_EXPLAINED = "The documentation of tf2_check explains the kinds of problems."
+REWRITTEN = """\
+All else is copied unchanged. Names of frames change in the fields frame_id, child_frame_id and \
+parent_frame_id of all messages, by the definitions of their types in the recording. A prefix of --topic \
+changes only its topic and those below its namespace.
+
+Names after --drop, --rename and --trajectory are those of the recording. --start and --end apply to all \
+topics but static and transient-local ones."""
 TABLE = """\
 The columns are stamp_ns, x, y, z (meters), qx, qy, qz, qw, valid (false if there is no answer; the \
 numbers are then nan) and gap (seconds between the samples that a pose was interpolated from).
@@ -110,11 +117,20 @@ def _heard_of(options: Namespace, **how: Any) -> BagContents:
 
 def _read(options: Namespace, **how: Any) -> BagContents:
     """Read the transforms of the recording; ``how``: arguments of ``read_contents``."""
-    from tf2_ros_tools.recordings.bag_loader import read_contents, wanted
+    from tf2_ros_tools.recordings.bag_loader import read_contents
 
-    poses, trajectory = by_topic("--poses", options.poses), _trajectory_of(options)
-    what = wanted(_topics_of(options), options.start, options.end, poses, _robots_of(options), trajectory)
-    return read_contents(options.file, what, **how)
+    return read_contents(options.file, _wanted(options), **how)
+
+
+def _wanted(options: Namespace) -> Wanted:
+    from tf2_ros_tools.recordings.bag_loader import wanted
+
+    poses, robots, trajectory = (
+        by_topic("--poses", options.poses),
+        _robots_of(options),
+        _trajectory_of(options),
+    )
+    return wanted(_topics_of(options), options.start, options.end, poses, robots, trajectory)
 
 
 def _trajectory_of(options: Namespace) -> Trajectory | None:
@@ -312,18 +328,22 @@ def freeze(options: Namespace) -> int:
     return SUCCESS
 
 
-def correct(options: Namespace) -> int:
-    """Write the corrected transforms as a recording; return the exit status."""
-    from tf2_ros_tools.recordings.saved_buffers import save
-    from tf2_ros_tools.recordings.trajectories import fill_between_keyframes
+def rewrite(options: Namespace) -> int:
+    """Write the recording anew; return the exit status."""
+    from tf2_ros_tools.common.static_transforms import read_file
+    from tf2_ros_tools.recordings.rewriting import Edits, write
 
-    # It would lose all other topics.
-    recorded, written = Path(options.file).resolve(), Path(options.output).resolve()
-    if written == recorded or written.parent == recorded:
-        raise UsageError(f"{options.output} is the recording; choose another file")
-    buffer = _heard_of(options, records=False).buffer
-    fill_between_keyframes(buffer, *map(stored_name, options.trajectory[1:]))
-    save(buffer, options.output)
+    names = dict(options.rename)
+    if len(names) < len(options.rename):
+        raise UsageError("--rename: expected one new name of each frame, got two of one")
+    what = _wanted(options)
+    try:
+        statics = [] if options.statics is None else read_file(options.statics)
+        edits = Edits(what, statics, options.drop, names, options.prefix, options.only_transforms)
+    except ValueError as refusal:
+        raise UsageError(str(refusal)) from None
+    for text in write(options.file, options.output, edits):
+        options.parser.warn(text)
     show(options.output)
     return SUCCESS
 
@@ -490,18 +510,68 @@ def _parser() -> Parser:
     summary = "write this .tf2 file"
     command.add_argument("-o", "--output", metavar="FILE", type=ending_in("tf2"), required=True, help=summary)
     command = add(
-        "correct",
-        correct,
-        "write the transforms, corrected by --trajectory, to an .mcap file that RViz and Foxglove can play",
+        "rewrite",
+        rewrite,
+        "write the recording to an .mcap file, with all topics, but other transforms or names of frames",
         "drive.mcap --trajectory optimized.tum map odom base_link -o corrected.mcap",
+        "drive.mcap --statics calibration.yaml -o calibrated.mcap",
+        "drive.mcap --prefix robot1/ --rename map=map -o robot1.mcap",
+        "drive.mcap --drop map,base_link -o one_parent.mcap",
+        more=REWRITTEN,
     )
     _add_recording(command)
-    _add_trajectory(command, required=True)
+    _add_trajectory(command)
+    _add_edits(command)
+    return made
+
+
+def _add_edits(command: Parser) -> None:
+    """Add the options that change a recording, and the file that is written."""
+    command.add_argument(
+        "--statics",
+        metavar="YAML",
+        type=Path,
+        help="add the static transforms of this file, as for static_transform_publisher --file, and leave "
+        "out all recorded ones of their frames; the names are the new ones",
+    )
+    command.add_argument(
+        "--drop",
+        action="append",
+        type=_dropped,
+        metavar="[PARENT,]FRAME",
+        default=[],
+        help="leave out the transforms of this frame, or only those in PARENT; may be given several times",
+    )
+    command.add_argument(
+        "--rename",
+        action="append",
+        type=_renamed,
+        metavar="OLD=NEW",
+        default=[],
+        help="rename a frame on all topics; may be given several times",
+    )
+    summary = "put this in front of the names of all other frames, on all topics; --rename map=map keeps map"
+    command.add_argument("--prefix", type=stored_name, default="", help=summary)
+    summary = "leave out all topics but those with transforms"
+    command.add_argument("--only-transforms", action="store_true", help=summary)
     summary = "write this .mcap file"
     command.add_argument(
         "-o", "--output", metavar="FILE", type=ending_in("mcap"), required=True, help=summary
     )
-    return made
+
+
+def _dropped(text: str) -> tuple[str | None, str]:
+    parent, comma, child = text.rpartition(",")
+    if not child or comma and not parent:
+        raise ArgumentTypeError(f"expected FRAME or PARENT,FRAME, got {text!r}")
+    return stored_name(parent) or None, stored_name(child)
+
+
+def _renamed(text: str) -> tuple[str, str]:
+    old, _, new = map(stored_name, text.partition("="))
+    if not old or not new:
+        raise ArgumentTypeError(f"expected OLD=NEW, got {text!r}")
+    return old, new
 
 
 def _add_recording(made: Parser) -> None:
@@ -515,11 +585,10 @@ def _add_recording(made: Parser) -> None:
         made.add_argument(name, type=nanoseconds, metavar="S", help=summary)
 
 
-def _add_trajectory(made: Parser, *, required: bool = False) -> None:
+def _add_trajectory(made: Parser) -> None:
     """Add the options for the poses that correct the transforms."""
     made.add_argument(
         "--trajectory",
-        required=required,
         nargs=4,
         metavar=("FILE", "PARENT", "CHILD", "MOVING"),
         help="correct the transforms of the frame CHILD in PARENT by poses of the frame MOVING in PARENT: a "

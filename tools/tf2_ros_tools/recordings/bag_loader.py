@@ -94,10 +94,16 @@ class Wanted:
         """The topics whose messages are not transforms themselves."""
         return [*self.poses, *self.robots]
 
-    def prefix_of(self, topic: str) -> str:
+    @property
+    def with_transforms(self) -> list[str]:
+        """The topics of ``prefixes`` whose messages are transforms."""
+        path = None if self.trajectory is None else self.trajectory.topic
+        return [topic for topic in self.prefixes if topic not in (*self.others, path)]
+
+    def prefix_of(self, topic: str) -> str | None:
         """
-        Get the prefix of the frames that the messages of a topic with poses name: that of the topic, or that
-        of the transforms in its namespace or in the closest one above.
+        Get the prefix of the frames that the messages of another topic name: that of the topic, or that of
+        the transforms in its namespace or in the closest one above. None: they are in other namespaces.
         """
         if topic in self.prefixes:
             return self.prefixes[topic]
@@ -111,7 +117,7 @@ class Wanted:
             if namespace in found:
                 prefixes = found[namespace]
                 return prefixes.pop() if len(prefixes) == 1 else ""
-        return ""
+        return None
 
 
 def wanted(
@@ -295,7 +301,7 @@ def read_contents(
             on_open(recorded)
         keyframes, poses, uncorrected = what.trajectory, None, None
         if keyframes is not None:  # first, because it may be wrong
-            poses = keyframes.read(recorded, what.prefix_of(keyframes.topic or ""))
+            poses = keyframes.read(recorded, what.prefix_of(keyframes.topic or "") or "")
         notes = fill_buffer(buffer, recorded, what, progress, recording if keeps_records else None, pieces)
         if keyframes is not None and poses is not None:
             uncorrected = copy(buffer) if copies else None
@@ -361,7 +367,7 @@ def fill_buffer(
         lost.
     """
     sources = sources_of(recorded, what)
-    robots = {topic: robot or _described(recorded, topic) for topic, robot in what.robots.items()}
+    robots = robots_of(recorded, what)
     topics = [*(one.topic for one in sources), *(one for one in what.others if one in recorded.topics)]
     total = None if what.limited else sum(recorded.topics[topic].count for topic in topics)
     with progress_bar(recorded.path, total, " messages", progress) as count:
@@ -380,16 +386,12 @@ def fill_buffer(
         def insert_converted(sources: Mapping[str, Source]) -> None:
             messages = recorded.checked(recorded.raw(sources, what.start_ns, what.end_ns))
             prefixes = {
-                topic: what.prefix_of(topic) for topic in sources if what.poses.get(topic, ()) is None
+                topic: what.prefix_of(topic) or "" for topic in sources if what.poses.get(topic, ()) is None
             }
             targets = [MessageSource(topic, False, prefixes.get(topic, "")) for topic in sources]
             insert(converted(messages, sources, recorded.malformed), targets)
 
-        posed = {
-            topic: Poses(recorded.topics[topic].msgtype, frames)
-            for topic, frames in what.poses.items()
-            if topic in recorded.topics
-        }
+        posed = poses_on(recorded, what)
         insert_converted(posed)
         for topic, one in posed.items():
             if one.left_out and not one.named:
@@ -421,6 +423,20 @@ def fill_buffer(
     return [*notes, *recorded.shortfalls(topics)]
 
 
+def poses_on(recorded: Recorded, what: Wanted) -> dict[str, Poses]:
+    """Get the wanted topics with poses that the recording has."""
+    return {
+        topic: Poses(recorded.topics[topic].msgtype, frames)
+        for topic, frames in what.poses.items()
+        if topic in recorded.topics
+    }
+
+
+def robots_of(recorded: Recorded, what: Wanted) -> dict[str, Robot]:
+    """Get the robots by the topics with their joint states."""
+    return {topic: robot or _described(recorded, topic) for topic, robot in what.robots.items()}
+
+
 def _described(recorded: Recorded, states: str) -> Robot:
     """Get the robot that the recording describes in the namespace of a topic with joint states."""
     topic = f"{states.rpartition('/')[0]}/{DESCRIPTION}"
@@ -445,8 +461,7 @@ def sources_of(recorded: Recorded, what: Wanted) -> list[MessageSource]:
     :raises BagError: it has none of them, or one has another type.
     """
     name = printable(recorded.path)
-    no_transforms = [*what.others, *([what.trajectory.topic] if what.trajectory else [])]
-    found = [topic for topic in what.prefixes if topic in recorded.topics and topic not in no_transforms]
+    found = [topic for topic in what.with_transforms if topic in recorded.topics]
     for topic in found:
         _check_type(recorded, topic, *TF_TYPES, *foxglove_messages.TYPES)
     for topic, frames in what.poses.items():
@@ -503,12 +518,12 @@ def passes(recorded: Recorded, sources: list[MessageSource], what: Wanted) -> li
     topics = {one.topic for one in sources}
     if not what.limited:
         return [recorded.raw(topics)]
-    _check_times(recorded, what)
+    check_times(recorded, what)
     static = set(filter(is_static, topics))
     return [recorded.raw(static), recorded.raw(topics - static, what.start_ns, what.end_ns)]
 
 
-def _check_times(recorded: Recorded, what: Wanted) -> None:
+def check_times(recorded: Recorded, what: Wanted) -> None:
     first_ns, last_ns = recorded.start_ns, recorded.end_ns
     if first_ns is None or last_ns is None:
         return

@@ -136,9 +136,15 @@ class Recorded:
             self.topics[name] = RecordedTopic(
                 name, types, sum(one.msgcount for one in own), encoding_of(own[0])
             )
+        # Where its messages are now, decompressed, in their order.
+        self.files: list[Path] = getattr(reader, "files", None) or [Path(parts[0])]
         # A damaged file may contain any time.
         self.start_ns: int | None = int(np.int64(reader.start_time)) if reader.message_count else None
         self.end_ns: int | None = int(np.int64(reader.end_time - 1)) if reader.message_count else None
+
+    @property
+    def is_mcap(self) -> bool:
+        return all(one.suffix == ".mcap" for one in self.files)
 
     def shortfalls(self, names: Iterable[str]) -> Iterator[str]:
         """Say of which topics the files of a folder have fewer messages than its metadata.yaml counts."""
@@ -289,12 +295,17 @@ def _decompressed(messages: Iterable[RawMessage]) -> Iterator[RawMessage]:
     for connection, log_ns, raw in messages:
         if isinstance(raw, str) or not isinstance(log_ns, int):  # SQLite accepts any type
             raise ValueError(f"the log time of a message is {log_ns!r}, and its data is {type(raw).__name__}")
-        if raw[:4] == ZSTD:
-            require("zstandard", "bag")
-            from zstandard import ZstdDecompressor
+        yield connection, log_ns, decompressed(raw)
 
-            raw = ZstdDecompressor().decompressobj().decompress(raw)
-        yield connection, log_ns, raw
+
+def decompressed(raw: Raw) -> Raw:
+    """Decompress a message that was compressed by itself."""
+    if raw[:4] != ZSTD:
+        return raw
+    require("zstandard", "bag")
+    from zstandard import ZstdDecompressor
+
+    return ZstdDecompressor().decompressobj().decompress(raw)
 
 
 def is_static(topic: str) -> bool:
@@ -525,7 +536,7 @@ class Folder:
 
     A ``metadata.yaml`` may be edited, older than the files, or made by a tool that counts differently. Only
     the list of the files, their format, and topics without messages come from there. ``expected`` has its
-    counts of messages, for warnings.
+    counts of messages, for warnings. ``files`` are its files, decompressed.
 
     :param reader: a ``rosbag2.Reader`` of the folder, which is open.
     """
@@ -543,6 +554,7 @@ class Folder:
         self.start_time = min((one.start_time for one in filled), default=0)
         self.end_time = max((one.end_time for one in filled), default=0)
         self.messages = reader.messages
+        self.files = [Path(one.path) for one in files]
 
 
 class ForeignMcap:
@@ -552,6 +564,7 @@ class ForeignMcap:
         require("mcap", "bag")
         from mcap.reader import make_reader
 
+        self.path = path
         self._mcap = make_reader(stack.enter_context(open(path, "rb")), validate_crcs=True)
         summary = self._mcap.get_summary()
         if summary is None or summary.statistics is None:
@@ -565,7 +578,7 @@ class ForeignMcap:
         self.start_time, self.end_time = about.message_start_time, about.message_end_time + 1
         counts = about.channel_message_counts
         self._connections = {
-            one.id: self._connection(one, summary.schemas.get(one.schema_id), counts.get(one.id, 0))
+            one.id: connection_of(one, summary.schemas.get(one.schema_id), counts.get(one.id, 0), self)
             for one in summary.channels.values()
         }
         self.connections = [*self._connections.values()]
@@ -593,17 +606,20 @@ class ForeignMcap:
             self._decoders[connection.id] = decode
         return self._decoders[connection.id]
 
-    def _connection(self, channel: Any, schema: Any, count: int) -> "Connection":
-        from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition
-        from rosbags.interfaces import MessageDefinitionFormat as Format
 
-        definition = MessageDefinition(Format.NONE, "")
-        if schema is not None and schema.encoding in ("ros1msg", "ros2msg"):
-            # Comments need not be in UTF-8.
-            definition = MessageDefinition(Format.MSG, schema.data.decode(errors="replace"))
-        msgtype = "__schemaless__" if schema is None else full_name(schema.name)
-        ext = ConnectionExtRosbag2(channel.message_encoding, [])
-        return Connection(channel.id, channel.topic, msgtype, definition, "", count, ext, self)
+def connection_of(channel: Any, schema: Any, count: int, owner: Any) -> "Connection":
+    """Get rosbags' connection for a channel of the library mcap."""
+    from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition
+    from rosbags.interfaces import MessageDefinitionFormat as Format
+
+    forms = {"ros1msg": Format.MSG, "ros2msg": Format.MSG, "ros2idl": Format.IDL}
+    definition = MessageDefinition(Format.NONE, "")
+    if schema is not None and schema.encoding in forms and schema.data.strip():
+        # Comments need not be in UTF-8.
+        definition = MessageDefinition(forms[schema.encoding], schema.data.decode(errors="replace"))
+    msgtype = "__schemaless__" if schema is None else full_name(schema.name)
+    ext = ConnectionExtRosbag2(channel.message_encoding, [])
+    return Connection(channel.id, channel.topic, msgtype, definition, "", count, ext, owner)
 
 
 def encoding_of(connection: "Connection") -> str:

@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 S = 1_000_000_000
 # A recording often ends with the shutdown of the robot, for which launch allows five seconds.
 LIMITS = Limits(stale=5.0)
+# How `tf2_bag rewrite` cures a finding, by its kind.
+CURES = {
+    "parents": "`tf2_bag rewrite --drop PARENT,{}` leaves one out",
+    "mixed": "`tf2_bag rewrite --statics` replaces both",
+}
 
 
 @dataclass(frozen=True)
@@ -79,6 +84,10 @@ def report(
         text = f"no dynamic transform was received in the last {span(silence)}"
         also.append(Finding("stale", "", text))
     found = find(judged, limits, expectations, refused=refused, recorded=True, also=also)
+    found = [
+        replace(one, text=f"{one.text}; {CURES[one.kind].format(one.frame)}") if one.kind in CURES else one
+        for one in found
+    ]
     begin, end = int(times.min()) / S, int(times.max()) / S
     return Report(streams, refused, found, begin, end, len(records), differ)
 

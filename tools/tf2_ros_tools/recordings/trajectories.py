@@ -15,7 +15,7 @@ from typing import Any, Literal, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tf2_py import BufferCore, ExtrapolationException, TransformException, stored_name
+from tf2_py import BufferCore, ExtrapolationException, History, TransformException, stored_name
 from tf2_py.printable import counted, printable
 from tf2_py.typing import TimeLike, TimesLike
 from tf2_ros.correction import correct
@@ -271,6 +271,38 @@ class Keyframes:
         of = f"{left_out} of the {counted(len(poses), 'pose')} in {self._name}"
         return [f"{of} {are} left out, because {' or '.join(reasons)}"]
 
+    def played(self, buffer: BufferCore) -> tuple[History, list[str]]:
+        """
+        Get the samples of the corrected frame for a player, and the moving frames of the odometry.
+
+        When a recording is played, a transform arrives at its stamp. Without a sample at each stamp of the
+        odometry, which changes no answer, a viewer could not show the robot before the next keyframe.
+
+        :param buffer: has been corrected; the samples are inserted into it.
+        """
+        parent, moving = stored_name(self._trajectory.parent), stored_name(self._trajectory.moving)
+        histories = buffer.histories()
+        keyframes_ns = histories[self.child].stamps_ns
+        chain = self._chain(buffer, keyframes_ns, moving)
+        moved = [name for name in chain if name in histories and not histories[name].static]
+        stamps_ns = np.unique(np.concatenate([histories[name].stamps_ns for name in moved] or [keyframes_ns]))
+        is_inside = (stamps_ns > keyframes_ns[0]) & (stamps_ns < keyframes_ns[-1])
+        times_ns = stamps_ns[is_inside & ~np.isin(stamps_ns, keyframes_ns)]
+        found = np.hstack(buffer.lookup_transforms(parent, self.child, times_ns, on_missing="nan"))
+        known = ~np.isnan(found[:, 0])
+        frames = [(parent, self.child)] * int(known.sum())
+        buffer.set_transforms_cdr(
+            serialize_arrays(frames, times_ns[known], found[known]), "tf2_ros.correction"
+        )
+        return buffer.histories()[self.child], moved
+
+    def _chain(self, buffer: BufferCore, times_ns: NDArray[np.int64], moving: str) -> list[str]:
+        """Get the frames between the one that is corrected and the one whose poses are known."""
+        for time_ns in times_ns.tolist():  # at some, the odometry is not known, or has another parent
+            with suppress(TransformException):
+                return [name for name in buffer.path(self.child, moving, time_ns) if name != self.child]
+        return []
+
     def _at_ends(self, buffer: BufferCore, times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """Move the closest times to the ends of the odometry, if their stamps may be rounded."""
         times_ns = times_ns.copy()
@@ -331,34 +363,6 @@ class Keyframes:
         if one.on_missing == "raise" and (unset.size or is_missing):
             advice = '; on_missing="skip" leaves such poses out'
         raise BagError(f"{place}: {none}{reason}{advice}") from error
-
-
-def fill_between_keyframes(buffer: BufferCore, parent: str, child: str, moving: str) -> None:
-    """
-    Insert a sample of a corrected transform at each stamp of the odometry, which changes no answer.
-
-    When a recording is played, a transform arrives at its stamp. Without these samples, a viewer could not
-    show the robot before the next keyframe.
-    """
-    histories = buffer.histories()
-    keyframes_ns = histories[child].stamps_ns
-    chain = [child]
-    for time_ns in keyframes_ns.tolist():  # at some, the odometry is not known, or has another parent
-        with suppress(TransformException):
-            chain = buffer.path(child, moving, time_ns)
-            break
-    moved = [histories[name] for name in chain if name != child and name in histories]
-    stamps_ns = np.unique(
-        np.concatenate([one.stamps_ns for one in moved if not one.static] or [keyframes_ns])
-    )
-    is_inside = (
-        (stamps_ns > keyframes_ns[0]) & (stamps_ns < keyframes_ns[-1]) & ~np.isin(stamps_ns, keyframes_ns)
-    )
-    times_ns = stamps_ns[is_inside]
-    found = np.concatenate(buffer.lookup_transforms(parent, child, times_ns, on_missing="nan"), axis=1)
-    known = ~np.isnan(found[:, 0])
-    transforms = serialize_arrays([(parent, child)] * int(known.sum()), times_ns[known], found[known])
-    buffer.set_transforms_cdr(transforms, "tf2_bag correct")
 
 
 def _of_arrays(poses: Any, times_ns: Any) -> StampedPoses:

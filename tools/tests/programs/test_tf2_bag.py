@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from making_bags import (
     ODOMETRY,
+    SCAN,
     STAMPED,
     STAMPS,
     TRANSFORM,
@@ -21,9 +22,12 @@ from making_bags import (
     Sent,
     Tf,
     drive,
+    header,
     scan,
     series,
+    write_db3,
     write_mcap,
+    write_ros1,
 )
 from pickles_and_copies import held
 from picture_texts import texts_of
@@ -443,6 +447,49 @@ def test_check_finds_stamps_that_jump_and_stamps_with_two_poses(run, jump, kind,
             sent.append(Sent(ns + 1, "/tf", [Tf("map", "base", ns, (0.25, 0, 0))]))
     status, out, _ = run("check", write_mcap(tmp_path / "run.mcap", sent))
     assert (status, f"{kind}: {said}" in out) == (1, True)
+
+
+def in_frame(name, topic, ros=2):
+    """A scan whose header names this frame."""
+    one = scan(100 * S, 100 * S, topic, ros)
+    return one._replace(content={**one.content, "header": header(100 * S, name, ros)})
+
+
+@pytest.mark.parametrize(
+    ("write", "name", "ros"),
+    [(write_mcap, "run.mcap", 2), (write_db3, "run.db3", 2), (write_ros1, "run.bag", 1)],
+)
+def test_check_finds_headers_whose_frame_no_lookup_transforms(run, tmp_path, write, name, ros):
+    frames = {"/scan": "lidar", "/a": "", "/b": "mast", "/b/b": "mast", "/slash": "/base"}
+    sent = [*drive(30), *(in_frame(frame, topic, ros) for topic, frame in frames.items())]
+    path = write(tmp_path / name, sent)
+    status, out, _ = run("check", path)
+    assert (status, [line for line in out.splitlines() if line.startswith("headers: ")]) == (
+        1,
+        [
+            "headers: messages on /slash are in /base, but lookups refuse names that begin with /;"
+            " `tf2_bag rewrite --rename base=base` removes the slash",
+            "headers: messages on /b, /b/b are in mast, which no transform has;"
+            " `tf2_bag rewrite --statics` adds one",
+        ],
+    )
+    (tmp_path / "mast.yaml").write_text("- {frame_id: base, child_frame_id: mast}")
+    written = str(tmp_path / "written.mcap")
+    cures = ("--statics", str(tmp_path / "mast.yaml"), "--rename", "base=base")
+    assert run("rewrite", path, *cures, "-o", written)[0] == 0
+    assert "headers: " not in run("check", written)[1]
+
+
+def test_headers_are_compared_with_the_frames_of_their_robot(run, tmp_path):
+    sent = [*drive(30, prefix="/a"), in_frame("mast", "/a/scan"), in_frame("mast", "/b/scan")]
+    path = write_mcap(tmp_path / "run.mcap", sent)
+    _, out, _ = run("check", path, "--topic", "/a/tf=a/", "--topic", "/a/tf_static=a/")
+    assert re.findall("headers: (.*?), which", out) == ["messages on /a/scan are in a/mast"]
+
+
+def test_a_damaged_message_of_another_topic_does_not_stop_the_check(run, tmp_path):
+    bad = Sent(100 * S, "/bad", b"\0\1\0\0\xff", SCAN)
+    assert "headers: " not in run("check", write_mcap(tmp_path / "run.mcap", [*drive(30), bad]))[1]
 
 
 def test_parents_on_both_topics_have_a_cure(run, tmp_path):

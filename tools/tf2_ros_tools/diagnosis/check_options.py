@@ -11,7 +11,7 @@ from tf2_ros_tools.common.options import non_negative_number, positive_number
 # Causes come first: of what follows from them, there may be one finding for each frame.
 KINDS = tuple(
     "nothing qos clock clocks malformed lost parents publishers mixed values refused unnormalized unset "
-    "missing parent static roots loop future delay stale gap rate".split()
+    "missing parent static headers roots loop future delay stale gap rate".split()
 )
 
 

@@ -115,11 +115,11 @@ def _heard_of(options: Namespace, **how: Any) -> BagContents:
     return heard
 
 
-def _read(options: Namespace, **how: Any) -> BagContents:
+def _read(options: Namespace, what: Wanted | None = None, **how: Any) -> BagContents:
     """Read the transforms of the recording; ``how``: arguments of ``read_contents``."""
     from tf2_ros_tools.recordings.bag_loader import read_contents
 
-    return read_contents(options.file, _wanted(options), **how)
+    return read_contents(options.file, what or _wanted(options), **how)
 
 
 def _wanted(options: Namespace) -> Wanted:
@@ -159,8 +159,11 @@ def info(options: Namespace) -> int:
     from tf2_ros_tools.recordings.report import report
 
     contents: dict[str, Any] = {}
+    headers: dict[str, str] = {}
+    what = _wanted(options)
 
     def show_contents(recorded: Recorded) -> None:
+        headers.update(_headers(what, recorded))
         topics = sorted(recorded.topics.values(), key=lambda topic: topic.name)
         size = _size_of(options.file)
         contents.update(file=options.file, bytes=size, topics=[*map(asdict, topics)])
@@ -168,8 +171,8 @@ def info(options: Namespace) -> int:
             show(f"{options.file}: {size:,} bytes", *_contents(topics, recorded.start_ns, recorded.end_ns))
 
     # Before the transforms are read, because those that cannot be read end the command.
-    heard = _read(options, on_open=show_contents)
-    said = report(heard)
+    heard = _read(options, what, on_open=show_contents)
+    said = report(heard, headers=headers)
     if options.json:
         show_json({**contents, **asdict(said)})
         return SUCCESS
@@ -189,8 +192,20 @@ def check(options: Namespace) -> int:
 
     expected = expected_by(options.expect)
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
-    said = report(_read(options), limits, expected)
+    headers: dict[str, str] = {}
+    what = _wanted(options)
+    heard = _read(options, what, on_open=lambda recorded: headers.update(_headers(what, recorded)))
+    said = report(heard, limits, expected, headers)
     return conclude(options, said, _what(said, options.file), {"file": options.file})
+
+
+def _headers(what: Wanted, recorded: Recorded) -> dict[str, str]:
+    """Read the frames that messages of topics without transforms name, with the prefix of the namespace."""
+    from tf2_ros_tools.recordings.header_stamps import frames_of_headers
+
+    found = frames_of_headers(recorded, [*what.prefixes, *what.others])
+    named = [(topic, what.prefix_of(topic), frame) for topic, frame in found.items() if frame]
+    return {topic: f"{prefix}{frame}" for topic, prefix, frame in named if prefix is not None}
 
 
 def _what(said: Report, path: str) -> str:

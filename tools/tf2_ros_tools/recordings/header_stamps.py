@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Read the stamps in the headers of recorded messages, of any type that has one."""
+"""Read the headers of recorded messages, of any type that begins with one: stamps, and names of frames."""
 
 import struct
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from itertools import islice
 from os import PathLike
 from typing import TYPE_CHECKING
 
@@ -83,6 +84,25 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
     return found
 
 
+def frames_of_headers(recorded: Recorded, others: Collection[str]) -> dict[str, str]:
+    """
+    Read the frame that the first message of each topic names in its header, by the topic.
+
+    :param others: topics that are left out.
+    """
+    found = {}
+    for about in recorded.topics.values():
+        if about.name in others or about.encoding not in ("cdr", "ros1") or about.count == 0:
+            continue
+        try:
+            if all(map(_begins_with_header, recorded.connections([about.name]))):
+                for _, _, raw in islice(recorded.raw([about.name], convert=False), 1):
+                    found[about.name] = _frame(about.encoding, raw)
+        except Exception:  # of a damaged message, which nobody wants here, the parsers raise any kind
+            continue
+    return found
+
+
 def _is_stamped(recorded: Recorded, about: RecordedTopic) -> bool:
     if foxglove_messages.is_stamped(about.msgtype):
         return True
@@ -107,6 +127,13 @@ def _stamp_ns(encoding: str, raw: Raw) -> int:
     order = "<" if encoding == "ros1" or raw[1] & 1 else ">"
     sec, nanosec = struct.unpack_from(f"{order}iI", raw, 4)
     return int(sec) * S + int(nanosec)
+
+
+def _frame(encoding: str, raw: Raw) -> str:
+    # After the stamp; in ROS 1, no zero ends it.
+    order = "<" if encoding == "ros1" or raw[1] & 1 else ">"
+    (size,) = struct.unpack_from(f"{order}I", raw, 12)
+    return bytes(raw[16 : 16 + size]).rstrip(b"\0").decode()
 
 
 def _begins_with_header(connection: "Connection") -> bool:

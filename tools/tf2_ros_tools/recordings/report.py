@@ -4,15 +4,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tf2_py import stored_name
+from tf2_py.printable import printable
 from tf2_ros_tools.common.output import span
 from tf2_ros_tools.diagnosis.findings import SAME_CLOCK_S, Expectation, Finding, Limits, Received, find
 from tf2_ros_tools.diagnosis.stream_statistics import Refused, Stream, Streams, without_delays
+from tf2_ros_tools.recordings.bag_reader import listed
 
 if TYPE_CHECKING:
     from tf2_ros_tools.recordings.bag_loader import BagContents
@@ -46,13 +49,17 @@ class Report:
 
 
 def report(
-    heard: BagContents, limits: Limits = LIMITS, expectations: Mapping[str, Expectation] = {}
+    heard: BagContents,
+    limits: Limits = LIMITS,
+    expectations: Mapping[str, Expectation] = {},
+    headers: Mapping[str, str] = {},
 ) -> Report:
     """
     Report the contents of a recording, and its problems by the rules of ``tf2_check``.
 
     :param limits: what is accepted.
     :param expectations: of frames, by their names.
+    :param headers: the frames that messages of other topics name, by the topic.
 
     The time of the report is the time of the last dynamic transform, because a recorder often outlives the
     robot. If it outlives the robot for long, this is one finding, not one for each frame.
@@ -83,6 +90,7 @@ def report(
     if silence > limits.stale:
         text = f"no dynamic transform was received in the last {span(silence)}"
         also.append(Finding("stale", "", text))
+    also += _of_headers(headers, {name for one in streams for name in (one.frame, one.parent)})
     found = find(judged, limits, expectations, refused=refused, recorded=True, also=also)
     found = [
         replace(one, text=f"{one.text}; {CURES[one.kind].format(one.frame)}") if one.kind in CURES else one
@@ -90,6 +98,22 @@ def report(
     ]
     begin, end = int(times.min()) / S, int(times.max()) / S
     return Report(streams, refused, found, begin, end, len(records), differ)
+
+
+def _of_headers(headers: Mapping[str, str], known: Collection[str]) -> Iterator[Finding]:
+    """Find messages that no lookup can transform, because of the frame in their header."""
+    topics: dict[str, list[str]] = {}
+    for topic, frame in headers.items():
+        topics.setdefault(frame, []).append(topic)
+    for frame, own in topics.items():
+        name, stored = printable(frame), stored_name(frame)
+        what = f"messages on {listed(own)} are in {name}"
+        if stored not in known:
+            cure = "`tf2_bag rewrite --statics` adds one"
+            yield Finding("headers", stored, f"{what}, which no transform has; {cure}")
+        elif stored != frame:
+            cure = f"`tf2_bag rewrite --rename {printable(stored)}={printable(stored)}` removes the slash"
+            yield Finding("headers", stored, f"{what}, but lookups refuse names that begin with /; {cure}")
 
 
 def _at_log_time(time_ns: int) -> str:

@@ -440,7 +440,10 @@ def test_an_interrupt_leaves_nothing(tmp_path):
     ) as process:
         until(lambda: any(one.name.endswith(".unfinished") for one in tmp_path.iterdir()))
         process.send_signal(signal.SIGINT)
-        assert (process.communicate()[1], process.returncode) == (b"", 130)
+        assert process.communicate()[1] == b""
+        # To a shell, both are 130. CPython sends itself the signal again if it has interrupted the exec() of
+        # a text, such as the code that rosbags makes of a type.
+        assert process.returncode in (130, -signal.SIGINT)
     assert [one.name for one in tmp_path.iterdir()] == ["run.mcap"]
 
 

@@ -83,6 +83,7 @@ class PendingGoal(WakingFuture[Any]):
         # Steady times: of the lookup, and until which a server that was found may respond.
         self.deadline_ns = self.begin_ns + Duration.from_msg(goal.timeout).nanoseconds
         self.last_ns = self.deadline_ns + padding_ns
+        self.is_abandoned = False  # nobody asks for its outcome
 
     def error(self, text: str) -> TimeoutException:
         """The exception of a goal that fails now."""
@@ -187,8 +188,11 @@ class GoalSender:
         return pending
 
     def abandon(self, pending: PendingGoal) -> None:
-        """Cancel a goal, unless it has a result; from any thread."""
-        if not pending.done():
+        """Cancel a goal, unless it has a result; nobody else waits for it. From any thread."""
+        pending.is_abandoned = True
+        if pending.done():
+            pending.exception()  # so that it does not print that nobody has asked for it
+        else:
             self._call_queue.put(partial(self._forget, pending))
 
     # All that follows happens in the thread.
@@ -208,7 +212,12 @@ class GoalSender:
         else:
             error = pending.error("The buffer client was destroyed.")
         self._forget(pending)
+        self._fail(pending, error)
+
+    def _fail(self, pending: PendingGoal, error: Exception) -> None:
         pending.set_exception(error)
+        if pending.is_abandoned:
+            pending.exception()
 
     def _forget(self, pending: PendingGoal) -> None:
         """Take no more steps of a goal; it is canceled in the server, if it was sent and has no result."""
@@ -242,7 +251,7 @@ class GoalSender:
             if not self._node.context.ok():
                 self._fail_at_end(pending)
             # Its traceback would refer to the goal, which refers to it.
-            pending.set_exception(error.with_traceback(None))
+            self._fail(pending, error.with_traceback(None))
         if not self._pending:
             self._timer.cancel()
         elif self._timer.is_canceled():

@@ -4,6 +4,7 @@
 
 import asyncio
 import re
+import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +14,8 @@ from functools import partial
 import pytest
 import reference
 from interposed_libraries import output_with_library
-from processes import Peer, killed, start
+from paths import PROGRAMS
+from processes import Peer, killed, run, start
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.context import Context
 from rclpy.duration import Duration
@@ -448,6 +450,11 @@ def test_a_goal_that_nobody_awaits_any_more_is_cancelled(tf2_ros, node, since):
         until(server.cancelled.done)
         until(lambda: not client._tf2_goal_sender._pending)
         client.destroy()
+
+
+def test_an_interrupted_lookup_prints_nothing():
+    done = run(sys.executable, PROGRAMS / "interrupts_a_client.py")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n" * 5, "")
 
 
 class TestServerThatEnds:

@@ -81,6 +81,15 @@ class TestLimits:
         assert statistics["bytes"] < 250_000
         assert answers(buffer)
 
+    @pytest.mark.parametrize("size", [0, 100])
+    def test_of_bytes_counts_the_tables_of_names(self, size):
+        buffer = BufferCore(max_bytes=200_000)
+        for i in range(3000):
+            buffer.set_transforms([transform("map", f"{i}" + size * "x", 1)], f"authority {i}")
+            assert buffer.statistics()["bytes"] <= 200_000
+        assert buffer.statistics()["refused"]["too_many_bytes"] > 0
+        buffer._self_check()
+
     def test_beyond_which_authorities_lose_their_name_alone(self):
         buffer = with_pose(max_frames=10, max_bytes=100_000)
         for i in range(100):

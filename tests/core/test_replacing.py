@@ -60,12 +60,10 @@ def in_ms(x, child, milliseconds):
     return [transform("map", child, one / 1000, (x, 0, 0)) for one in milliseconds]
 
 
-def test_a_limit_of_bytes_refuses_it_but_not_what_needs_no_more_memory():
+def test_a_limit_of_bytes_refuses_a_new_frame_but_not_what_needs_no_more_memory():
     buffer = BufferCore(max_bytes=60_000)
     buffer.set_transforms(in_ms(0, "odom", range(500)), "odometry")
-    before = samples(buffer)
-    assert replace(buffer, in_ms(9, "odom", range(600, 1600))) == 0
-    assert samples(buffer) == before
+    assert replace(buffer, in_ms(9, "base", range(600, 1600))) == 0
     assert replace(buffer, in_ms(9, "odom", range(500))) == 500
     assert [one[2] for one in samples(buffer)] == [9] * 500
     assert buffer.statistics()["bytes"] <= 60_000
@@ -77,11 +75,14 @@ def test_where_bytes_end_the_oldest_samples_make_room():
     held, displaced = len(samples(buffer)), buffer.statistics()["displaced"]
     assert replace(buffer, in_ms(9, "odom", range(2000, 2100))) == 100
     assert samples(buffer) == [(ms / 1000, "map", 9 if ms >= 2000 else 0) for ms in range(2100 - held, 2100)]
-    # Those of the call do not make room for each other.
-    assert replace(buffer, in_ms(9, "odom", [2000 + i / 10 for i in range(1000)])) == 0
+    # Also of the call itself.
+    assert replace(buffer, in_ms(5, "odom", [2050 + i / 100 for i in range(4000)])) == 4000
+    kept = [*(2050 + i / 100 for i in range(4000)), *range(2090, 2100)][-held:]
+    assert samples(buffer) == [(pytest.approx(ms / 1000), "map", 9 if ms >= 2090 else 5) for ms in kept]
     statistics = buffer.statistics()
-    assert statistics["displaced"] == displaced + 100
+    assert statistics["displaced"] == displaced + 100 + 4000 - 40
     assert statistics["bytes"] <= 60_000
+    buffer._self_check()
 
 
 def test_a_limit_of_bytes_counts_all_frames_of_a_call():

@@ -225,7 +225,7 @@ class Model(Listings, Policies, Explanations):
     def replace(self, links, authority, static=False, displaced=0):
         """
         How many are taken of some (parent, child, ns, xyz, xyzw), which replace what lies between them; and
-        ``displaced`` of the samples before them make room.
+        the oldest ``displaced`` of all samples make room.
         """
         self._found.clear()
         by_child = {}
@@ -261,7 +261,7 @@ class Model(Listings, Policies, Explanations):
             frame.samples = sorted(kept + [*samples.values()], key=lambda one: one[0])
             oldest_kept = frame.newest_ns() - self.cache_ns
             frame.samples = [one for one in frame.samples if one[0] >= oldest_kept]
-            assert all(one[0] < first for one in frame.samples[:displaced])
+            assert displaced < len(frame.samples)
             frame.samples = frame.samples[displaced:]
         self.authorities[child] = authority
         self.taken += len(given)

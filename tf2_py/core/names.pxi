@@ -64,33 +64,55 @@ cdef uint32_t names_find_guessed(const Names* names, const char* text, size_t si
     return names_find(names, text, size)
 
 
+cdef inline size_t _text_capacity(const Names* names, size_t size) noexcept nogil:
+    # Of the text, with another name of `size` bytes. Also for an empty name: memcpy must not get NULL.
+    cdef size_t wanted = max(names.text_capacity, <size_t>FIRST_TEXT)
+    while wanted < names.text_size + size:
+        wanted *= 2
+    return wanted
+
+
+cdef inline uint32_t _capacity(const Names* names) noexcept nogil:
+    # Of the ids, with another name.
+    if names.count < names.capacity:
+        return names.capacity
+    return names.capacity * 2 if names.capacity else FIRST_SLOTS // 2
+
+
+cdef inline uint32_t _slots(const Names* names) noexcept nogil:
+    # With another name. At most half full: probes stay short.
+    cdef uint32_t slots = names.slot_mask + 1
+    return slots * 2 if (names.count + 1) * <size_t>2 > slots else slots
+
+
+cdef size_t names_growth(const Names* names, size_t size) noexcept nogil:
+    return (_text_capacity(names, size) - names.text_capacity
+            + (_capacity(names) - names.capacity) * sizeof(Name)
+            + (_slots(names) - names.slot_mask - 1) * sizeof(uint32_t))
+
+
 cdef int _reserve(Names* names, size_t size) noexcept nogil:
     # Memory for one more name of `size` bytes. -1: there is none, and every name is where it was.
-    cdef size_t wanted
+    cdef size_t wanted = _text_capacity(names, size)
     cdef uint32_t slot, id, capacity
     cdef void* grown
-    # Also for an empty name: memcpy must not get NULL.
-    if names.text == NULL or names.text_size + size > names.text_capacity:
-        wanted = names.text_capacity * 2 if names.text_capacity else FIRST_TEXT
-        while wanted < names.text_size + size:
-            wanted *= 2
+    if wanted > names.text_capacity:
         grown = realloc(names.text, wanted)
         if grown == NULL:
             return -1
         names.text = <char*>grown
         names.bytes += wanted - names.text_capacity
         names.text_capacity = wanted
-    if names.count == names.capacity:
-        capacity = names.capacity * 2 if names.capacity else FIRST_SLOTS // 2
+    capacity = _capacity(names)
+    if capacity > names.capacity:
         grown = realloc(names.names, capacity * sizeof(Name))
         if grown == NULL:
             return -1
         names.names = <Name*>grown
         names.bytes += (capacity - names.capacity) * sizeof(Name)
         names.capacity = capacity
-    if (names.count + 1) * <size_t>2 > names.slot_mask + <size_t>1:
-        # More than half full: probes stay short.
-        capacity = (names.slot_mask + 1) * 2
+    capacity = _slots(names)
+    if capacity > names.slot_mask + 1:
         grown = calloc(capacity, sizeof(uint32_t))
         if grown == NULL:
             return -1

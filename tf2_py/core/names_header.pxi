@@ -50,6 +50,8 @@ cdef uint32_t names_find(const Names* names, const char* text, size_t size) noex
 cdef uint32_t names_find_guessed(const Names* names, const char* text, size_t size,
                                  uint32_t guess) noexcept nogil
 # The id of the name, a new one if it is unknown. NAME_NO_MEMORY: there is no memory for it, or no free id.
+# By how many bytes the memory grows if another name is added.
+cdef size_t names_growth(const Names* names, size_t size) noexcept nogil
 cdef uint32_t names_intern(Names* names, const char* text, size_t size) noexcept nogil
 # Forgets the names interned last, until `count` are left. Their memory is kept for the next ones.
 cdef void names_drop(Names* names, uint32_t count) noexcept nogil

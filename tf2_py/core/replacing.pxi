@@ -144,7 +144,7 @@ cdef HistoryInsert _build_static(Replacing* replacing, Replacement* one, const H
 cdef HistoryInsert _build_dynamic(Replacing* replacing, Replacement* one, const History* old,
                                   const Batch* batch, int64_t horizon_ns, size_t growth_limit) noexcept nogil:
     # The old samples from `oldest` on and before `first`, and those from `after` on remain; but where memory
-    # ends, the oldest make room.
+    # ends, the oldest of all make room, in a frame that has some.
     cdef const Given* given = replacing.given
     cdef uint32_t oldest = history_first_after(old, horizon_ns - 1)
     cdef uint32_t first = history_first_after(old, given[one.first].stamp_ns - 1)
@@ -152,29 +152,37 @@ cdef HistoryInsert _build_dynamic(Replacing* replacing, Replacement* one, const 
     cdef size_t needed = first - oldest + (old.count - after)
     cdef HistoryInsert outcome
     cdef Sample sample
+    # Not less than before, so that the next inserts need not move them again.
+    cdef uint32_t least = max(old.capacity, <uint32_t>FIRST_CAPACITY)
     cdef uint32_t index, capacity
+    cdef uint64_t skipped
     cdef size_t i
     for i in range(one.first, one.end):
         needed += _counts(replacing, one, i)
     if needed > LAST_CAPACITY:
         return HISTORY_FULL
-    # Not less than before, so that the next inserts need not move them again.
-    capacity = max(old.capacity, <uint32_t>FIRST_CAPACITY)
-    outcome = history_begin(
-        old, HISTORY_DYNAMIC, max(<uint32_t>needed, capacity), growth_limit, &one.history)
-    if outcome == HISTORY_FULL and capacity < needed <= capacity + (first - oldest):
-        one.displaced = needed - capacity
-        oldest += <uint32_t>one.displaced
+    capacity = max(<uint32_t>needed, least)
+    outcome = history_begin(old, HISTORY_DYNAMIC, capacity, growth_limit, &one.history)
+    while outcome == HISTORY_FULL and old.count and capacity > least:
+        capacity = max(capacity // 2, least)
         outcome = history_begin(old, HISTORY_DYNAMIC, capacity, growth_limit, &one.history)
     if outcome != HISTORY_INSERTED:
         return outcome
+    skipped = one.displaced = needed - capacity if needed > capacity else 0
     for index in range(oldest, first):
-        history_append(&one.history, history_stamp_of(old, index), history_sample_of(old, index))
+        if skipped:
+            skipped -= 1
+        else:
+            history_append(&one.history, history_stamp_of(old, index), history_sample_of(old, index))
     for i in range(one.first, one.end):
-        if _counts(replacing, one, i):
+        if not _counts(replacing, one, i):
+            continue
+        if skipped:
+            skipped -= 1
+        else:
             sample = _sample_of(&given[i], batch)
             history_append(&one.history, given[i].stamp_ns, &sample)
-    for index in range(after, old.count):
+    for index in range(after + <uint32_t>skipped, old.count):
         history_append(&one.history, history_stamp_of(old, index), history_sample_of(old, index))
     return HISTORY_INSERTED
 

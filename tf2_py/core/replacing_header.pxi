@@ -23,7 +23,7 @@ cdef struct Replacement:
     size_t end              # ... to the one before this
     bint is_refused
     bint is_built
-    uint64_t displaced      # if `is_built`: old samples that have made room
+    uint64_t displaced      # if `is_built`: samples that have made room
     History history         # if `is_built`, what the frame becomes; after the exchange, what it was
 
 

@@ -30,7 +30,8 @@ cdef uint32_t tree_authority(Tree* tree, const char* name, size_t size) noexcept
     cdef uint32_t id = names_find(&tree.authorities, name, size)
     if id != NAME_UNKNOWN:
         return id
-    if tree.authorities.count > tree.limits.frames or size > tree_bytes_left(tree):
+    if (tree.authorities.count > tree.limits.frames
+            or names_growth(&tree.authorities, size) > tree_bytes_left(tree)):
         return 0
     return names_intern(&tree.authorities, name, size)
 
@@ -50,15 +51,25 @@ cdef FrameId tree_frame(const Tree* tree, const char* name, size_t size) noexcep
     return NO_FRAME if id == NAME_UNKNOWN or tree.histories[id].is_hidden else id
 
 
+cdef inline uint32_t _capacity_for_another(const Tree* tree) noexcept nogil:
+    if tree.names.count < tree.capacity:
+        return tree.capacity
+    return tree.capacity * 2 if tree.capacity else 32
+
+
+cdef inline size_t _growth(const Tree* tree) noexcept nogil:
+    # By how many bytes the arrays grow if another frame is added.
+    return (_capacity_for_another(tree) - tree.capacity) * (sizeof(History) + sizeof(uint32_t))
+
+
 cdef FrameId _add_frame(Tree* tree, const char* name, size_t size, Change* change,
                         uint32_t* refused) noexcept nogil:
     # A new frame, whose name must be unknown, regardless of the limits. NO_FRAME: it failed, see `refused`.
     # `change` may be NULL.
     cdef uint32_t id
-    cdef uint32_t capacity
+    cdef uint32_t capacity = _capacity_for_another(tree)
     cdef void* grown
-    if tree.names.count == tree.capacity:
-        capacity = tree.capacity * 2 if tree.capacity else 32
+    if capacity > tree.capacity:
         grown = realloc(tree.histories, capacity * sizeof(History))
         if grown != NULL:
             tree.histories = <History*>grown
@@ -100,7 +111,7 @@ cdef FrameId tree_intern_frame(Tree* tree, const char* name, size_t size, FrameI
     # The reserved name is not counted.
     if tree.names.count > tree.limits.frames:
         refused[0] = REFUSED_FRAMES
-    elif size + sizeof(History) > tree_bytes_left(tree):
+    elif names_growth(&tree.names, size) + _growth(tree) > tree_bytes_left(tree):
         refused[0] = REFUSED_BYTES
     else:
         return _add_frame(tree, name, size, change, refused)

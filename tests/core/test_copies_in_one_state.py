@@ -2,37 +2,41 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A copy holds what its buffer held when it was begun, whatever is written meanwhile."""
 
-import zlib
+import io
+import tempfile
+from pathlib import Path
 
 import pytest
 from messages_with_or_without_ros import Duration
 from pickles_and_copies import image_of
 from times_and_transforms import at_ns, transform
 
-from tf2_py import BufferCore
+from tf2_py import BufferCore, atomic_files
 
 
 def image_during(buffer, write):
-    """The image of a buffer into which `write` writes when its histories are pinned and not yet copied."""
-    written = []
-    crc32 = zlib.crc32
+    """The file of a buffer into which `write` writes when its histories are pinned and not yet copied."""
+    writes = [write]
 
-    def write_and_compute(*arguments):  # the checksum of the index
-        if not written:
-            written.append(True)
-            write(buffer)
-        return crc32(*arguments)
+    class File(io.FileIO):
+        """The index is written first, then the samples are copied."""
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(zlib, "crc32", write_and_compute)
-        image = image_of(buffer)
-    assert written
-    return image
+        def write(self, data):
+            if writes:
+                writes.pop()(buffer)
+            return super().write(data)
+
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(atomic_files, "whole_file", lambda path: File(path, "w+"))
+        buffer.freeze(path := Path(folder) / "frozen")
+        assert not writes
+        return path.read_bytes()
 
 
-def filled():
-    buffer = BufferCore(Duration(nanoseconds=200))
-    for ns in range(100, 170):
+def filled(first_ns=1):
+    """Longer than the cache time, so that the ring of `odom` has wrapped, unless the first stamp is 90 ns."""
+    buffer = BufferCore(Duration(nanoseconds=80))
+    for ns in range(first_ns, 170):
         buffer.set_transform(transform("map", "odom", ns=ns, xyz=(ns, 0, 0)), "x")
     for i in range(64):
         buffer.set_transform(transform("map", "base", ns=150, xyz=(i, 0, 0)), "x")
@@ -82,13 +86,14 @@ WRITES = {
 
 @pytest.mark.parametrize("write", WRITES)
 def test_a_copy_holds_what_the_buffer_held_when_it_was_begun(write):
-    buffer, twin = filled(), filled()
-    before = image_of(buffer)
-    assert image_during(buffer, WRITES[write]) == before
-    # And what was written is there.
-    WRITES[write](twin)
-    buffer._self_check()
-    assert image_of(buffer) == image_of(twin)
+    for first_ns in range(1, 91, 3):  # the oldest sample is at many places of the ring
+        buffer, twin = filled(first_ns), filled(first_ns)
+        before = image_of(buffer)
+        assert image_during(buffer, WRITES[write]) == before
+        # And what was written is there.
+        WRITES[write](twin)
+        buffer._self_check()
+        assert image_of(buffer) == image_of(twin)
 
 
 def test_a_copy_within_a_copy_is_of_its_own_moment():

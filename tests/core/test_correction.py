@@ -24,8 +24,10 @@ from times_and_transforms import S, about_z, transform
 
 from tf2_py import BufferCore, ExtrapolationException, InvalidArgumentException, LookupException
 from tf2_py._objects import log
+from tf2_ros import correction
 from tf2_ros.correction import AUTHORITY, correct
 from tf2_ros.numpy import from_matrix, to_arrays, to_matrix
+from tf2_ros.serialization import serialize_arrays
 
 pytestmark = pytest.mark.usefixtures("no_refusals_logged")
 
@@ -192,6 +194,20 @@ def test_a_keyframe_that_the_buffer_would_not_keep_does_so_too():
         correct(buffer, *EDGE, times, poses_at(times))
     assert correct(buffer, *EDGE, times, poses_at(times), on_missing="skip", before="hold") == 1
     assert buffer.histories()["odom"].stamps_ns.tolist() == [22 * S, 25 * S, 32 * S]
+    oldest = np.array([22 * S, 25 * S])
+    assert correct(buffer, *EDGE, oldest, poses_at(oldest)) == 2
+
+
+def test_odometry_makes_a_keyframe_too_old_only_where_the_correction_is_held_up_to_it():
+    buffer, times = BufferCore(Duration(seconds=10)), np.array([14 * S, 13 * S, 15 * S])
+    for child, parent, seconds in (("odom", "map", (10, 12)), ("base", "odom", range(10, 25))):
+        for s in seconds:  # SLAM is behind
+            buffer.set_transform(transform(parent, child, s), "x")
+    with pytest.raises(
+        ValueError, match=r"times\[1\]: 13.0* s is more than cache_time, 10.0* s, before 24.0* s"
+    ):
+        correct(buffer, *EDGE, times, poses_at(times))
+    assert correct(buffer, *EDGE, times, poses_at(times), after="keep") == 3
 
 
 def test_a_keyframe_at_0_has_no_odometry_because_that_means_the_latest():
@@ -348,18 +364,48 @@ def test_wrong_arguments_are_refused_and_change_nothing(text):
 # Beside the model.
 
 
+def ranges(model):
+    """The times from the first to the last stamp of `b`, and those at which `d` in `b` is known."""
+    stamps = [one[0] for one in model.frames["b"].samples]
+    found = [(stamps[0], stamps[-1])]
+    with suppress(ModelError):
+        found.append(model.time_range("b", "d"))
+    return found
+
+
+def hold(model, samples, cache_ns, before, after):
+    """Drop the samples that a buffer would not keep, and add those at the ends of what is held."""
+    begins, ends = zip(*ranges(model), strict=True)
+    newest_ns = max(*samples, *(ends if after == "hold" else ends[:1]))
+    begin_ns = max(min(*samples, *begins), newest_ns - cache_ns)
+    for ns in [ns for ns in samples if ns < begin_ns]:
+        del samples[ns]
+    used = len(samples)
+    if used and before == "hold":
+        samples.setdefault(begin_ns, samples[min(samples)])
+    if used and after == "hold":
+        samples.setdefault(newest_ns, samples[max(samples)])
+    return used
+
+
+@pytest.mark.parametrize("before", ["keep", "hold"])
+@pytest.mark.parametrize("after", ["keep", "hold"])
 @pytest.mark.parametrize("seed", range(40))
-def test_random_buffers_hold_what_the_definition_says(seed):
+def test_random_buffers_hold_what_the_definition_says(seed, before, after):
     """Of small trees with gaps, several parents, one sample and none; the lookups are those of the model."""
-    dice, pair = random.Random(seed), Pair()
-    pair.init(2**40)
+    dice, pair = random.Random(f"{seed} {before} {after}"), Pair()
+    cache_ns = dice.choice((2**40, 30, 15))
+    pair.init(cache_ns)
     for child, parents, count in (("b", "a", 12), ("c", "bbbx", 20), ("d", "c", dice.choice((1, 3, 15)))):
-        for ns in sorted(dice.sample(range(1, 60), count)):
+        end_ns = dice.choice((30, 60)) if child == "b" else 60  # SLAM may be behind
+        for ns in sorted(dice.sample(range(1, end_ns), count)):
             link = dice.choice(parents), child, ns, dice.randrange(GOOD_PLACES), dice.randrange(GOOD_TURNS)
             pair.insert("set", (link,), "x")
-    times = dice.sample(range(1, 64), k=6)
+    times = dice.sample(range(1, 64), k=dice.choice((2, 6)))
+    for i in range(dice.randrange(3)):  # keyframes at the ends of the data
+        times[i] = dice.choice(dice.choice(ranges(pair.model)))
     poses = [(place(dice.randrange(GOOD_PLACES)), about_z(dice.random())) for _ in times]
-    for i in dice.choices(range(6), k=2):
+    for i in dice.choices(range(len(times)), k=2):
         times.append(times[i])
         poses.append(dice.choice(poses[i : i + 2]))
     samples = {}
@@ -370,13 +416,38 @@ def test_random_buffers_hold_what_the_definition_says(seed):
             odometry = pair.model.lookup("b", "d", ns)[3:]
             samples[ns] = composed(pose, inverse(odometry))
     messages = [transform("", "", 0, *pose) for pose in poses]
-    used = correct(pair.buffer, "a", "b", "d", times, messages, on_missing="skip", after="keep")
-    assert used == len(samples)
+    how = {"before": before, "after": after, "on_missing": "skip"}
+    used = correct(pair.buffer, "a", "b", "d", times, messages, **how)
+    assert used == (hold(pair.model, samples, cache_ns, before, after) if samples else 0)
     pair.model.replace([("a", "b", ns, *one) for ns, one in sorted(samples.items())], AUTHORITY)
     held, wanted = pair.buffer.histories()["b"], pair.model.frames["b"].samples
     assert held.stamps_ns.tolist() == [one[0] for one in wanted]
     assert_allclose(held.translations, [one[2] for one in wanted], rtol=0, atol=1e-9)
     assert all(map(same_rotation, held.rotations.tolist(), [one[3] for one in wanted]))
+
+
+@pytest.mark.parametrize(
+    ("on_missing", "first_ns", "held_ns"),
+    [("skip", 3 * S, [21_900_000_000, 22 * S]), ("raise", 21_800_000_000, [21_800_000_000, 22_300_000_000])],
+)
+def test_each_try_leaves_more_room_for_transforms_that_arrive_meanwhile(
+    monkeypatch, on_missing, first_ns, held_ns
+):
+    """As with so many keyframes that a few transforms arrive between reading and writing, in each try."""
+    buffer, tries = drive(cache_s=10.0), []
+
+    def write_late(*arguments):
+        tries.append(newest_ns := 31 * S + len(tries) * S // 4)
+        for parent, child in (("map", "odom"), ("odom", "base")):
+            buffer.set_transform(transform(parent, child, ns=newest_ns), "x")
+        return serialize_arrays(*arguments)
+
+    monkeypatch.setattr(correction, "serialize_arrays", write_late)
+    times = np.arange(first_ns, 28 * S, S // 2)
+    assert correct(buffer, *EDGE, times, poses_at(times), before="hold", on_missing=on_missing) > 0
+    # The last one reads up to 31.5 s, leaves 0.4 s of room, and writes when the oldest stamp is 21.75 s.
+    assert len(tries) == 4
+    assert buffer.histories()["odom"].stamps_ns[:2].tolist() == held_ns
 
 
 @pytest.mark.repeated

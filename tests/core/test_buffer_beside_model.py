@@ -115,9 +115,16 @@ class Machine(RuleBasedStateMachine):
         self.steps = 0
         self.last = None
 
-    @initialize(cache_ns=st.sampled_from([10, 10, 0, 3, 10 * S, 2**62]))
-    def begin(self, cache_ns):
+    @initialize(cache_ns=st.sampled_from([10, 10, 3, 3, 0, 10 * S, 2**62]), lived_ns=st.integers(0, 20))
+    def begin(self, cache_ns, lived_ns):
+        """Frames have mostly been received for longer than the cache time, so their rings have wrapped."""
         self.pair.init(cache_ns)
+        lived = [
+            (parent, child, ns, ns % GOOD_PLACES, 0)
+            for ns in range(lived_ns)
+            for parent, child in ("ab", "bc")
+        ]
+        self.pair.insert("list", tuple(lived), "first")
 
     @rule(way=st.sampled_from(WAYS), link=links, authority=st.sampled_from(AUTHORITIES))
     def insert(self, way, link, authority):

@@ -36,6 +36,16 @@ def test_a_publisher_is_recorded_instead_of_the_topic():
     assert "broadcaster: '/tf'" in buffer.all_frames_as_yaml()
 
 
+def test_the_frames_of_each_topic_get_its_prefix():
+    buffer, sources = (
+        BufferCore(),
+        [MessageSource("/tf", prefix="a/"), MessageSource("/tf_static", True, "b/")],
+    )
+    recording = Recording()
+    insert_messages(buffer, MESSAGES, sources, recording=recording)
+    assert {*buffer.frames()} == {*recording.frames()} == {"a/map", "a/odom", "a/base", "b/base", "b/camera"}
+
+
 def test_the_numbers_of_static_transforms_are_noted_once_each():
     first, moved, turn = (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), (0.0, 0.0, 0.6, 0.8)
     camera = [transform("base", "camera", 0, xyz, turn) for xyz in (first, moved)]

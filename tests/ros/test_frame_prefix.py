@@ -52,13 +52,18 @@ def test_a_recording_has_the_names_of_the_buffer(tf2_ros, node, peer):
         assert set(recording.frames()) >= {"robot/map", "robot/base"}
 
 
-@pytest.mark.parametrize("prefix", ["/robot/", "/", "//robot/"])
-def test_one_leading_slash_of_the_resulting_names_is_removed(tf2_ros, node, executor, peer, inserter, prefix):
+@pytest.mark.parametrize("static", [False, True], ids=["/tf", "/tf_static"])
+@pytest.mark.parametrize("prefix", ["robot/", "/robot/", "/", "//robot/"])
+def test_one_leading_slash_of_the_resulting_names_is_removed(
+    tf2_ros, node, executor, peer, inserter, prefix, static
+):
     buffer = tf2_ros.Buffer()
     with tf2_ros.TransformListener(buffer, node, prefix=prefix):
-        peer().send(("/map", "base", S, 1.0))
+        peer().send(("/map", "base", S, 1.0), static=static)
         until(lambda: buffer.frames(), executor)
-        assert {*buffer.frames()} == {f"{prefix[1:]}map", f"{prefix[1:]}base"}
+        put_before = prefix.removeprefix("/")
+        assert {*buffer.frames()} == {f"{put_before}map", f"{put_before}base"}
+        assert buffer.frames()[f"{put_before}base"].static is static
 
 
 @pytest.mark.parametrize(("prefix", "error"), [("a\0", ValueError), (1, TypeError)])

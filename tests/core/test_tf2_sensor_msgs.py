@@ -4,6 +4,7 @@
 
 import array
 import copy
+import itertools
 import math
 import sys
 import threading
@@ -17,7 +18,7 @@ from geometry_msgs.msg import PointStamped, Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 from leaks import assert_nothing_is_left
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from random_messages import Maker, transforms
 from sensor_msgs.msg import Imu, PointCloud2, PointField
 from std_msgs.msg import Header
@@ -93,6 +94,20 @@ def test_the_bytes_after_the_points_of_each_row_stay(cloud, t):
         cloud.row_step, cloud.data = used + 7, array.array("B", padded(before))
         got = tf2.do_transform_cloud(cloud, t)
         assert (got.row_step, got.data.tobytes()) == (used + 7, padded(moved))
+
+
+def test_rows_are_contiguous_where_row_step_contradicts_the_data():
+    """The last row may lack the bytes after its points; then no row of the result has any."""
+    shape, used = (3, 2, 3), 24
+    for row_step, size in itertools.product((0, used - 1, *range(used, used + 9)), range(72, 112)):
+        message, dice = cloud_of(XYZ, np.zeros(shape)), np.random.default_rng(size)
+        message.row_step, message.data = row_step, array.array("B", dice.integers(48, 80, size, np.uint8))
+        is_right = row_step >= used and size >= 2 * row_step + used
+        wanted = np.ndarray(shape, "<f4", message.data, 0, (row_step if is_right else used, 12, 4)) + 1
+        got = tf2.do_transform_cloud(message, transform("map", "base", 0, (1, 1, 1)))
+        is_whole = row_step >= used and size >= 3 * row_step
+        assert (got.row_step, len(got.data)) == ((row_step, size) if is_whole else (used, 3 * used))
+        assert_array_equal(np.ndarray(shape, "<f4", got.data, 0, (got.row_step, 12, 4)), wanted)
 
 
 def test_a_cloud_without_a_time_is_transformed_by_the_latest_and_keeps_its_stamp(cloud, tf2_ros):

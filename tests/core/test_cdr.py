@@ -54,6 +54,19 @@ def test_malformed_data_raises_and_changes_nothing(buffer, data):
     assert (statistics["frames"], statistics["samples"], statistics["malformed_messages"]) == (0, 0, 1)
 
 
+@pytest.mark.parametrize("order", "><")
+def test_no_other_representation_than_plain_cdr_is_read(buffer, order):
+    """Whatever its second byte, the bytes that follow are in the order that an odd one names."""
+    empty = struct.pack(f"{order}I", 0)
+    for number in range(512):
+        data = struct.pack(">HH", number, 0) + empty
+        if number < 2:
+            assert buffer.set_transforms_cdr(data, "x") == 0
+        else:
+            with pytest.raises(ValueError, match="the encapsulation header is not plain CDR, at byte 0 of 8"):
+                buffer.set_transforms_cdr(data, "x")
+
+
 def test_a_name_ends_at_a_nul_whatever_follows(buffer):
     for inside in (b"m\0p\0", b"m\0\xff\0", b"m\0\0\0"):
         buffer.set_transforms_cdr(GOOD.replace(b"map\0", inside), "x")

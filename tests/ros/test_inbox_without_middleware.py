@@ -4,12 +4,14 @@
 
 import gc
 import random
+import resource
 import signal
 import threading
 import time
 import weakref
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from cdr_encoder import encode
@@ -147,6 +149,28 @@ def test_the_last_part_of_a_large_message_is_logged_as_others(source, inbox, inb
     assert buffer.can_transform("map", "odd", LATEST)
     inboxes.report_next()
     assert errors_so_far().count("to child_frame_id 'odd' ") == 1
+
+
+def resident_bytes():
+    """Of this process."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+
+def test_a_flood_of_faults_is_counted_and_only_a_part_of_it_kept_for_the_log(source, buffer, inboxes):
+    handed, torn, many = [], b"torn" + bytes(1 << 18), 1000
+    inbox = Inbox(source, handed.append, inboxes=inboxes)
+    inbox.fill(buffer)
+    future = buffer.wait_for_transform_async("map", "robot", at(1))
+    future.add_done_callback(lambda _: None)
+    before = resident_bytes()
+    for message in (*[torn] * many, serialized(transform("map", "robot", 1))):
+        source.put(message)
+        inbox.catch_up()
+    assert resident_bytes() - before < many * len(torn) / 4
+    assert buffer.statistics()["malformed_messages"] == many
+    inboxes.report_next()
+    assert handed == [future]
+    inbox.close()
 
 
 def unnormalized():

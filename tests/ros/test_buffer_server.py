@@ -214,6 +214,29 @@ class TestCancel:
         _answer(goal_client.result_of(handle))
         assert goal_client.cancel(handle) == []
 
+    @pytest.mark.parametrize("is_first", [True, False], ids=["answered first", "cancelled first"])
+    def test_what_is_first_holds_although_the_goal_has_not_ended(self, goal_client, server, buffer, is_first):
+        cancel = server._cancel
+
+        def insert_and_cancel(handle):
+            if is_first:
+                insert(buffer)
+            response = cancel(handle)
+            if not is_first:
+                insert(buffer)
+            return response
+
+        server._server.register_cancel_callback(insert_and_cancel)
+        handle = goal_client.send()
+        future = goal_client.result_of(handle)
+        assert len(goal_client.cancel(handle)) == (0 if is_first else 1)
+        status, result = _answer(future)
+        if is_first:
+            assert (status, result.error.error) == (GoalStatus.STATUS_SUCCEEDED, TF2Error.NO_ERROR)
+            assert result.transform.child_frame_id == "robot"
+        else:
+            assert (status, result.error.error) == (GoalStatus.STATUS_CANCELED, TF2Error.TRANSFORM_ERROR)
+
 
 class TestEnd:
     @pytest.mark.parametrize("how", ["destroy", "destroy_node"])

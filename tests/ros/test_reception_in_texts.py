@@ -62,6 +62,13 @@ class TestErrors:
             assert NOTHING in error(buffer)
         until(lambda: error(buffer).endswith("The buffer is empty"))
 
+    def test_another_buffer_that_the_listener_fills_from_now_on_names_its_topics(self, tf2_ros, buffer, node):
+        other = tf2_ros.Buffer()
+        listener = tf2_ros.TransformListener(buffer, node)
+        listener.buffer = other
+        assert error(other).endswith(f"The buffer is empty: {NOTHING}")
+        assert error(buffer).endswith("The buffer is empty")
+
     def test_the_topics_are_those_that_the_names_resolve_to(self, tf2_ros, buffer, new_node):
         remapped = ["-r", "__ns:=/robot1", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
         node = new_node("listening", cli_args=["--ros-args", *remapped])

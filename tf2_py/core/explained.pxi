@@ -7,24 +7,25 @@ cdef void _describe_samples(const History* history, int64_t time_ns, const Polic
     # Of a history that answers for the time.
     cdef Neighbors around
     cdef uint32_t hint = NEWEST_HINT
-    cdef int64_t found_ns = history_time_within(history, time_ns, tolerance_ns)
+    cdef int64_t found_ns = time_ns
+    hop.data = history_beyond(history, policy, tolerance_ns, &found_ns)
     hop.weight = 0.0
     hop.parent = history_parent_at(history, found_ns)
     hop.older_ns = hop.newer_ns = history.newest_ns
     if history.kind == HISTORY_STATIC:
         hop.data = HOP_STATIC
-    elif found_ns != time_ns and policy.extrapolates and history_has_velocity(history):
-        hop.data = HOP_EXTRAPOLATED
+    elif hop.data == HOP_EXTRAPOLATED and not history_has_velocity(history):
+        hop.data = HOP_HELD
+    elif hop.data == HOP_EXTRAPOLATED:
         hop.older_ns = history_stamp_of(history, history.count - 2)
         hop.weight = <double>(time_ns - hop.older_ns) / <double>(hop.newer_ns - hop.older_ns)
-    elif found_ns != time_ns:
-        hop.data = HOP_HELD
+    elif hop.data == HOP_HELD:
+        pass
     elif history_stamps_around(history, time_ns, &hop.older_ns, &hop.newer_ns):
         history_neighbors(history, time_ns, &hint, &around)
         hop.data = HOP_KEPT if around.older == around.newer else HOP_INTERPOLATED
         hop.weight = neighbors_ratio(&around, time_ns)
     else:
-        hop.data = HOP_SAMPLE
         hop.older_ns = hop.newer_ns = time_ns
 
 

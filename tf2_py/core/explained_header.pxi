@@ -2,16 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The hops of a lookup: which samples of which frames have answered it."""
 
-cdef enum HopData:
-    # What the history of a frame has answered with.
-    HOP_STATIC          # its one sample, for every time
-    HOP_SAMPLE          # a sample with this stamp
-    HOP_INTERPOLATED    # the samples on both sides of the time
-    HOP_KEPT            # the sample before the time: the one after it has another parent
-    HOP_HELD            # its newest sample, within its tolerance
-    HOP_EXTRAPOLATED    # its last two samples, within its tolerance
-
-
 cdef struct Hop:
     FrameId frame
     FrameId parent          # in these samples

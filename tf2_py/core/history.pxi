@@ -344,8 +344,8 @@ cdef void _extrapolate(const History* history, int64_t time_ns, Transform* out) 
 cdef Gap history_transform_under(const History* history, int64_t time_ns, const Policy* policy,
                                  int64_t tolerance_ns, Transform* out, int64_t* used_ns) noexcept nogil:
     cdef int64_t older_ns, newer_ns
-    cdef int64_t found_ns = history_time_within(history, time_ns, tolerance_ns)
-    if found_ns != time_ns and policy.extrapolates:
+    cdef int64_t found_ns = time_ns
+    if history_beyond(history, policy, tolerance_ns, &found_ns) == HOP_EXTRAPOLATED:
         used_ns[0] = time_ns
         _extrapolate(history, time_ns, out)
         return GAP_NONE

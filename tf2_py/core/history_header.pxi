@@ -139,6 +139,16 @@ cdef int history_import(History* history, const int64_t* stamps, const Sample* s
                         uint32_t count) noexcept nogil
 
 
+cdef enum HopData:
+    # What the history of a frame has answered with.
+    HOP_STATIC          # its one sample, for every time
+    HOP_SAMPLE          # a sample with this stamp
+    HOP_INTERPOLATED    # the samples on both sides of the time
+    HOP_KEPT            # the sample before the time: the one after it has another parent
+    HOP_HELD            # its newest sample, within its tolerance
+    HOP_EXTRAPOLATED    # its last two samples, within its tolerance
+
+
 # What the history answers for a time.
 
 cdef extern from *:
@@ -202,21 +212,22 @@ cdef bint history_stamps_around(const History* history, int64_t time_ns, int64_t
                                 int64_t* newer_ns) noexcept nogil
 
 
-cdef inline int64_t history_time_within(const History* history, int64_t time_ns,
-                                        int64_t tolerance_ns) noexcept nogil:
-    # The time for which the history answers for `time_ns`: its newest stamp, where that is at most so much
-    # earlier.
-    if history.kind == HISTORY_DYNAMIC and history.count and time_ns > history.newest_ns:
-        if time_ns - history.newest_ns <= tolerance_ns:
-            return history.newest_ns
-    return time_ns
-
-
 cdef inline bint history_has_velocity(const History* history) noexcept nogil:
     # Whether an extrapolation moves: the last two samples have different stamps and one parent.
     cdef uint32_t last = history.count - 1
     return (history.count > 1 and history_stamp_of(history, last - 1) != history.newest_ns
             and history_parent_of(history, last - 1) == history_parent_of(history, last))
+
+
+cdef inline HopData history_beyond(const History* history, const Policy* policy, int64_t tolerance_ns,
+                                   int64_t* time_ns) noexcept nogil:
+    # Where a policy has an answer beyond the samples, what it is made of, and `time_ns` becomes the stamp for
+    # which they have data; HOP_SAMPLE: nowhere, so the samples decide.
+    if (history.kind != HISTORY_DYNAMIC or history.count == 0 or time_ns[0] <= history.newest_ns
+            or time_ns[0] - history.newest_ns > tolerance_ns):
+        return HOP_SAMPLE
+    time_ns[0] = history.newest_ns
+    return HOP_EXTRAPOLATED if policy.is_given and policy.extrapolates else HOP_HELD
 
 
 # The earliest time T such that, from T to `time_ns`, either every answer has the same parent, or there is no

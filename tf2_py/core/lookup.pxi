@@ -212,8 +212,8 @@ cdef FrameId _parent_within(const Tree* tree, FrameId frame, int64_t time_ns,
                             const Policy* policy) noexcept nogil:
     # NO_FRAME: it has no answer, neither at the time nor within its tolerance before it.
     cdef const History* history = &tree.histories[frame]
-    return history_parent_at(
-        history, history_time_within(history, time_ns, policy_tolerance(tree, frame, policy)))
+    history_beyond(history, policy, policy_tolerance(tree, frame, policy), &time_ns)
+    return history_parent_at(history, time_ns)
 
 
 cdef inline FrameId _parent_by_link(const Tree* tree, FrameId frame, int64_t time_ns, const Policy* policy,

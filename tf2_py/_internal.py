@@ -7,6 +7,7 @@ This is not a public interface and may change at any time. They import nothing e
 its modules can be moved. ``_internal.pxd`` is the same for what they cimport.
 """
 
+from tf2_py._objects import assumptions as assumptions
 from tf2_py._objects import errors as errors
 from tf2_py._objects import log as log
 from tf2_py._objects import message_classes as message_classes

@@ -38,6 +38,7 @@ from stat import S_ISREG
 from threading import get_ident, main_thread
 
 from tf2_py._objects import errors, explanations, frame_names, frozen_file, listings, log
+from tf2_py._objects.assumptions import Assumption, attempt
 # Programs also import them from tf2's extension module.
 from tf2_py._objects.errors import (
     ConnectivityException,

@@ -43,6 +43,8 @@ cdef str _find_all():
         _find(library, "rcl_take_serialized_message", <void**>&rcl_take_serialized_message)
         _find(library, "rcutils_get_default_allocator", <void**>&rcutils_get_default_allocator)
         _find(library, "rcutils_reset_error", <void**>&rcutils_reset_error)
+        for name in ("Clock", "GuardCondition", "Subscription"):
+            getattr(rclpy_implementation, name).pointer     # the address of its struct of rcl
     except (AttributeError, OSError) as error:
         return f"rclpy's library lacks functions that listeners need: {error}"
     return None

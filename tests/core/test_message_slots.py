@@ -8,6 +8,8 @@ from processes import output_of
 from rclpy.serialization import deserialize_message, serialize_message
 from times_and_transforms import at, transform
 
+from tf2_py._internal import assumptions
+
 
 @pytest.fixture
 def buffer(tf2_py):
@@ -26,6 +28,15 @@ def layout():
 def test_the_slots_of_this_ros_are_used(layout):
     assert layout(Vector3, ("x", "y", "z")).by_slot
     assert layout(TransformStamped, ("header", "child_frame_id", "transform")).by_slot
+
+
+def test_messages_without_slots_are_reported(layout, monkeypatch):
+    row = next(row for row in assumptions.ROWS if row.used == "the slots of messages")
+    monkeypatch.setattr(row, "is_reported", False)
+    layout(Vector3, ("x", "y", "z"))
+    assert not row.is_reported
+    layout(Vector3, ("x", "y"))
+    assert row.is_reported
 
 
 def test_an_answer_is_a_message_like_any_other(buffer):

@@ -36,6 +36,8 @@ cdef class Layout:
         self.message_class = message_class
         self.fields = fields
         self.by_slot = self._find_slots()
+        if not self.by_slot:
+            _SLOTS.report()
 
     cdef bint _find_slots(self) except -1:
         cdef Py_ssize_t i
@@ -99,6 +101,15 @@ cdef class Layout:
         for i in range(count):
             self.put(message, i, PyFloat_FromDouble(values[i]))
         return message
+
+
+def _has_slots():
+    from tf2_py._objects.message_classes import TransformStamped
+    return Layout(TransformStamped, ("header", "child_frame_id", "transform")).by_slot
+
+
+# The table of this chapter, see tf2_py._objects.assumptions.
+_SLOTS = Assumption("the slots of messages", _has_slots, "lookups and inserts take longer")
 
 
 cdef Py_ssize_t _slot_offset(cls, str name):

@@ -70,27 +70,42 @@ cdef inline int64_t* _handle_ns(object handle):
 @cython.final
 cdef class DirectClass:
     # One of rclpy's two classes.
+    cdef str name
     cdef str attribute          # its handle
     cdef object cls             # that was looked at, or None
     cdef object handle_class    # the class of its handles; None: not readable directly
+    cdef object assumption
 
-    def __init__(self, str attribute):
-        self.attribute = attribute
+    def __init__(self, str name, str attribute):
+        self.name, self.attribute = name, attribute
+        self.assumption = Assumption(
+            f"{name}.{attribute}", self.holds, f"each use of a {name} takes 0.4 us longer"
+        )
+
+    def holds(self):
+        cls = _rclpy_class(self.name.lower(), self.name)
+        if cls is not None:
+            self.look_at(cls)
+        return cls is None or self.handle_class is not None
 
     cdef int look_at(self, cls) except -1:
-        cdef int64_t known_ns
+        self.handle_class = attempt(None, self.class_of_handles, cls)
         self.cls = cls
-        self.handle_class = None
+        if self.handle_class is None:
+            self.assumption.report()
+        return 0
+
+    def class_of_handles(self, cls):
+        cdef int64_t known_ns
         for known_ns in (0x0123456789ABCDEF, 1):
             ordinary = cls(nanoseconds=known_ns)
             handle = getattr(ordinary, self.attribute, None)
             handle_class = type(handle)
             if type(handle_class).__name__ != "pybind11_type" or _handle_ns(handle) == NULL:
-                return 0
+                return None
             if _handle_ns(handle)[0] != known_ns or ordinary.nanoseconds != known_ns:
-                return 0
-        self.handle_class = handle_class
-        return 0
+                return None
+        return handle_class
 
     cdef bint read(self, object value, int64_t* found_ns) except -1:
         # False: only its property tells.
@@ -103,8 +118,8 @@ cdef class DirectClass:
         return True
 
 
-cdef DirectClass direct_time = DirectClass("_time_handle")
-cdef DirectClass direct_duration = DirectClass("_duration_handle")
+cdef DirectClass direct_time = DirectClass("Time", "_time_handle")
+cdef DirectClass direct_duration = DirectClass("Duration", "_duration_handle")
 
 
 cdef int64_t nanoseconds(object value, str argument) except? -1:

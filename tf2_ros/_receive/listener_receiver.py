@@ -15,9 +15,9 @@ from tf2_ros._process.background import add_owner
 from tf2_ros._process.forking import is_inherited
 from tf2_ros._process.inbox import Inbox, Observer
 from tf2_ros._rclpy import (
+    clock_handle,
     context_was_shut_down,
     event_handlers,
-    is_ros_clock,
     on_destroy,
     report_event,
 )
@@ -69,9 +69,8 @@ class Receiver:
         self._topics = self._group.hidden = listener._tf2_state.topics
         self._group.hides_all = False
         clock: Any = getattr(listener.buffer, "clock", None)
-        handle = clock.handle if is_ros_clock(clock) else None
         recording = listener._tf2_state.recording
-        self._source = Subscriptions(recording is not None, handle)
+        self._source = Subscriptions(recording is not None, clock_handle(clock))
         self.inbox = Inbox(self._source, call_queue.hand_over, recording, listener._tf2_state.prefix)
         if isinstance(runner, Observer):
             self.inbox.add_observer(runner)

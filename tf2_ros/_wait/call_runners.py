@@ -9,12 +9,11 @@ from typing import Any
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidHandle
-from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.waitable import Waitable
 
 from tf2_ros._process.forking import LOCK
-from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop, waits_for_sets, wake
+from tf2_ros._rclpy import guard_handle, is_in_executor, loop_of, runs_in_loop, waits_for_sets, wake
 from tf2_ros._wait.call_queue import CallQueue
 from tf2_ros._wait.executor_waitable import ExecutorWaitable
 
@@ -84,7 +83,7 @@ class ExecutorRunner(ExecutorWaitable, Runner, Waitable):
     def __init__(self, node: Node) -> None:
         Waitable.__init__(self, _MovableGroup(node))
         self._node = weakref.ref(node)
-        self.set_up(GuardCondition(None, None, node.context).handle)  # of no node
+        self.set_up(guard_handle(node))
 
     def begin(self, call_queue: CallQueue) -> None:
         Runner.begin(self, call_queue)

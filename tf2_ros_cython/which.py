@@ -80,6 +80,8 @@ def _answer() -> tuple[list[str], int]:
     lines.append(f"precedence: {_precedence(any(ours), forks)}")
     lines.append(f"receiver: {_receiver(are_ours, failure)}")
     lines.append(f"ROS 2: {_running_ros()}")
+    if are_ours and failure is None and _ros_in_use.running_prefix() is not None:
+        lines += [f"    differs from the releases that were tested: {row}" for row in _broken_assumptions()]
     if importlib.util.find_spec("tf2_ros_tools") is None:
         lines.append(f"tools: {_TOOLS_ADVICE}")
     lines.append(f"version: {_versions(folders['tf2_msgs'])}")
@@ -234,6 +236,12 @@ def _running_ros() -> str:
         return "rclpy is a module of this program"
     version = _ros_in_use.rclpy_version(prefix)
     return f"{_ros_in_use.describe(version) if version else 'unknown version'} in {prefix}"
+
+
+def _broken_assumptions() -> list[str]:
+    importlib.import_module("tf2_ros._rclpy")  # has a table of its own
+    broken: list[str] = importlib.import_module("tf2_py._internal").assumptions.broken()
+    return broken
 
 
 def _versions(messages: Path | None) -> str:

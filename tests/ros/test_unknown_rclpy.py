@@ -3,9 +3,12 @@
 """An rclpy that nobody knows yet: everything works, if need be through executors; texts give its version."""
 
 import asyncio
+import os
 import re
+import shutil
 import sys
 import threading
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -103,6 +106,27 @@ def test_a_row_is_listed_if_its_probe_says_no_or_raises(row, monkeypatch, unrepo
     for probe in (lambda: False, lambda: 1 / 0):
         monkeypatch.setattr(row, "probe", probe)
         assert assumptions.broken() == [f"{row.used}: {row.lost}"]
+
+
+def test_tf2_which_prints_each_private_name_that_rclpy_has_renamed(tmp_path):
+    prefix = tmp_path / "lib" / "python3" / "site-packages"
+    copy = shutil.copytree(
+        Path(rclpy.__file__).parent, prefix / "rclpy", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    used = {name for row in assumptions.ROWS for name in re.findall(r"\b_\w+", row.used)}
+    renamed = set()
+    for path in copy.rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        changed = re.sub(rf"\b({'|'.join(used)})\b", r"\1_renamed", text)
+        path.write_text(changed, encoding="utf-8")
+        renamed.update(re.findall(r"\b(_\w+)_renamed\b", changed))
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(prefix), os.getenv("PYTHONPATH", "")])}
+    done = run(sys.executable, "-m", "tf2_ros_cython", env=environment)
+    listed = re.findall("^    differs from the releases that were tested: (.*?): ", done.stdout, re.MULTILINE)
+    assert renamed >= {"_is_shutdown", "_sigint_gc", "_tasks_lock", "_task_lock", "_executor", "_time_handle"}
+    others = {"_loop", "_validate_qos_or_depth_parameter"}  # of asyncio, and of Node
+    assert renamed - others <= {*re.findall(r"\b_\w+", " ".join(listed))}, done.stdout
+    assert done.stderr == ""  # what is printed is not logged
 
 
 def test_a_release_is_known_by_its_name_or_by_its_version():

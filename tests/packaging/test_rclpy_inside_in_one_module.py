@@ -1,18 +1,25 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What is assumed of rclpy's inside stands in one module, ``tf2_ros._rclpy``."""
+"""What is assumed of rclpy's inside stands in one module, ``tf2_ros._rclpy``, and in its table."""
 
 import re
 from functools import cache
 
+import pytest
 from project_sources import PACKAGES, code_of, modules
+
+from tf2_py._internal import assumptions
+from tf2_ros import _rclpy
 
 # Of Python, of the messages of rosidl, and of the build, which writes that module.
 OF_OTHERS = {"_getframe", "_replace", "_check_fields", "_built"}
-# Public, but not documented: parts of goals and frames, and attributes of rclpy's objects that are set.
-UNDOCUMENTED = re.compile(
-    r"\b(Impl|ClientGoalHandle|co_filename|pybind11_type)\b|(?<!self)\.(callback|destroy) = "
-)
+# Public, but not documented: by what is used, the modules that do.
+UNDOCUMENTED = {
+    r"\b(Impl|ClientGoalHandle|GuardCondition|EventHandler|co_filename|co_varnames)\b": {"_rclpy.py"},
+    r"(?<!self)\.(callback|destroy) = ": {"_rclpy.py"},
+    r"\bending_execution\b": {"call_runners.py"},
+    r"\.pointer\b": {"_rcl.pyx", "executor_waitable.pyx", "subscriptions.pyx"},
+}
 
 
 def test_only_one_module_knows_rclpys_inside():
@@ -30,11 +37,14 @@ def test_only_one_module_knows_rclpys_inside():
     }
     assert {("_rclpy.py", "_is_shutdown"), ("times.pxi", "_time_handle")} <= of_rclpy
     assert {name for name, _ in of_rclpy} == {"_rclpy.py", "times.pxi"}, of_rclpy
+    assert _rclpy.IS_SHUTDOWN in assumptions.ROWS
+    rows = {name for row in assumptions.ROWS for name in re.findall(r"\b_\w+", row.used)}
+    assert {name for _, name in of_rclpy} <= rows
 
 
-def test_only_one_module_uses_what_rclpy_does_not_document():
-    users = {path.name for path, code in code_of_packages() if UNDOCUMENTED.search(code)}
-    assert users == {"_rclpy.py"}
+@pytest.mark.parametrize("used", UNDOCUMENTED)
+def test_only_these_modules_use_what_rclpy_does_not_document(used):
+    assert {path.name for path, code in code_of_packages() if re.search(used, code)} == UNDOCUMENTED[used]
 
 
 @cache

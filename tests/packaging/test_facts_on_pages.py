@@ -232,3 +232,21 @@ def test_the_cheat_sheet_lists_every_public_name(cls):
 def test_the_cheat_sheet_lists_every_argument_of_a_policy():
     page = (ROOT / "docs" / "cheat-sheet.md").read_text(encoding="utf-8")
     assert {*typing.LookupPolicy.__annotations__} <= {*re.findall(r"`(\w+)`", page)}
+
+
+def test_the_recipe_for_an_argument_of_a_lookup_names_each_file_that_names_all_of_them():
+    page = (ROOT / "docs" / "development" / "internals.md").read_text(encoding="utf-8")
+    recipe = page.partition("### An argument of a lookup\n")[2].partition("\n## ")[0]
+    listed = set(re.findall(r"`([\w/]+/[\w-]+\.\w+)`", recipe))
+    folders = ("tf2_py", "tf2_ros", "docs", "tests/support")
+    paths = [path for folder in folders for path in (ROOT / folder).rglob("*.*")]
+    texts = {
+        str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
+        for path in [*paths, ROOT / "tests" / "core" / "test_lookup_policies.py"]
+        if path.suffix in (".py", ".pyi", ".pyx", ".pxd", ".pxi", ".md")
+    }
+    arguments = [rf"\b{name}(_ns)?\b" for name in typing.LookupPolicy.__annotations__]
+    naming_all = {name for name, text in texts.items() if all(re.search(one, text) for one in arguments)}
+    naming_one = {name for name, text in texts.items() if any(re.search(one, text) for one in arguments)}
+    assert naming_all - {"docs/development/internals.md"} <= listed <= naming_one
+    assert len(re.findall(r"^\d+\. ", recipe, re.MULTILINE)) == 10

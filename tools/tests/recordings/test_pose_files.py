@@ -253,8 +253,19 @@ COMMENTS = [
     "time x y z qw_world_device qx_world_device qy_world_device qz_world_device",
     "t x y z e0 e1 e2 e3",
     "the unit of time is ns",
+    "format wxyz",
+    "scalar first",
+    "qwqxqyqz",
+    "t rot pos",
+    "t [msec]",
+    "time usec pose",
+    "time [min]",
+    "unit: inch",
+    "feet",
+    "columns: time east north up real i j k",
+    "delta_t|linear_velocity_x|linear_velocity_y|a|b",
 ]
-REFUSED |= {f"# {comment}\n1 1 2 3 1 0 0 0\n": "line 2: the heading .* expected " for comment in COMMENTS}
+REFUSED |= {f"# {comment}\n1 1 2 3 1 0 0 0\n": "line 2: the comment .* expected " for comment in COMMENTS}
 # Headings of other columns than those of poses.
 REFUSED |= {
     f"{names.replace(' ', ',')}\n1,9,9,9,0,0,0,1\n": "line 2: .* expected one column for x, got none"
@@ -263,6 +274,29 @@ REFUSED |= {
         "time twist.position.x twist.position.y twist.position.z qx qy qz qw",
         "time p_cov_x p_cov_y p_cov_z qx qy qz qw",
     )
+}
+
+
+# Columns that may be a part of the stamp, or say which rows have no pose.
+REFUSED |= {
+    f"{COMMAS},{name}\n{ROW.replace(' ', ',')},7\n": f"line 2: .* the column '{re.escape(name)}' may be"
+    for name in (
+        "ns",
+        "nanosec",
+        "header.stamp.secs",
+        "usec",
+        "time_fraction",
+        "is_valid",
+        "valid [bool]",
+        "ok",
+    )
+}
+REFUSED |= {
+    f"#fields: t_s\tt_ns\tx\ty\tz\tqx\tqy\tqz\tqw\n5\t{ROW.replace(' ', chr(9))}\n": "line 2: .*'fields: t_s'"
+}
+# No heading has these.
+REFUSED |= {
+    f"{row}\n{ROW}\n": "line 1: timestamp: expected a finite number" for row in ("nan " * 8, "- " * 8)
 }
 
 
@@ -288,6 +322,8 @@ WRONG_OF_KITTI = {
     "1 0 0 0 0 1 0 0 0 0 -1 0\n": "line 1: the numbers are not a rotation matrix and a position$",
     "1e200 0 0 0 0 1 0 0 0 0 1 0\n": "line 1: the numbers are not a rotation matrix and a position$",
     "1 0 0 0 0 1 0 0 0 0 1 0\n" * 2: "a stamp for each of the 2 poses in .*poses.txt, got 1 in times.txt$",
+    "# mm\n1 0 0 0 0 1 0 0 0 0 1 0\n": "line 2: the comment '# mm': expected names of the 12",
+    "# r11 r21 r31 tx\n1 0 0 0 0 1 0 0 0 0 1 0\n": "line 2: the comment .*: expected names of the 12",
     "poses\n1 0 0 0 0 1 0 0 0 0 1 0\n": "line 1: expected 12 numbers, .*, got 1: 'poses'$",
 }
 
@@ -301,7 +337,10 @@ def test_wrong_files_of_kitti_are_named(read, text):
 WRONG_TIMES = {
     "1 2\n": "times.txt, line 1: expected one number, .*, got 2: '1 2'; .*, such as .timestamp -., or",
     "1700000000000000000\n": "not in seconds .name it timestamp_ns, .*, such as .timestamp., or",
-    "# stamps in ms\n1\n": "line 2: the heading '# stamps in ms': expected names of the 1 columns, got 3; ",
+    "# stamps in ms\n1\n": "line 2: the comment '# stamps in ms': expected names of the 1 columns, got 3; ",
+    "# usecs\n17\n": "line 2: the comment '# usecs': expected .*",
+    "# hours\n17\n": "line 2: the comment '# hours': expected .*",
+    "# dt\n17\n": "line 2: the comment '# dt': expected .*",
     "label\ttime\tstamp\n\t1\t2\n": "line 2: .* expected one column for timestamp, got 2; ",
     "a\n": "times.txt: expected lines of one number, a stamp in seconds; there are none$",
     "": "times.txt: expected lines of one number, a stamp in seconds; there are none$",

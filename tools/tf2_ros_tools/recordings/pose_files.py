@@ -166,16 +166,24 @@ SPACES = re.compile(r"\s+(?![\s\[(])(?![^\[(]{,20}[\])])")  # between names: not
 # The beginning of the only heading without units in which stamps are nanoseconds.
 EUROC = "timestamp p_rs_r_x [m] p_rs_r_y [m] p_rs_r_z [m] q_rs_w [] q_rs_x [] q_rs_y [] q_rs_z []"
 # A comment with such a word may name the columns or their units: it is understood, or the file is refused.
+TIME_UNIT = r"[nuµm]s(ecs?)?|(nano|micro|milli)[a-z]+|min(utes?)?|hours?"
+LENGTH_UNIT = r"[cmk]m|(centi|milli|kilo)[a-z]+|inch(es)?|feet|foot|ft|yards?|miles?"
 LIKE_NAMES = {
     TUM: re.compile(
-        r"(?<![a-z])([a-z]?w|q[a-z\d]?|[num]s|[cmk]m|(nano|micro|milli|centi|kilo)[a-z]+)(?![a-z\d])"
+        rf"(?<![a-z])([a-z]?w|q[qwxyz\d]*|wxyz|xyzw|scalar|real|rot|{TIME_UNIT}|{LENGTH_UNIT})(?![a-z\d])"
         r"|quat|rotation|orientation"
-        r"|^\W*([a-z][^\s,;]*[\s,;]+){7}[a-z][^\s,;]*$",  # as many words as a row has numbers
+        r"|^\W*(\w+:\s*)?([a-z][^\s,;|]*[\s,;|]+){7}[a-z][^\s,;|]*$"  # as many words as a row has numbers
+        r"|(\S*\w[_/]\w\S*[\s,;|]+){2}\S*\w[_/]\w",  # words like pos_x or pose/x
         re.I,
     ),
-    TIMES: re.compile(r"time|stamp|(?<![a-z])(sec[a-z]*|[num]?s|t)(?![a-z])", re.I),
-    KITTI: re.compile("(?!)"),
+    TIMES: re.compile(rf"time|stamp|(?<![a-z])(secs?|seconds?|s|d?t|{TIME_UNIT})(?![a-z])", re.I),
+    KITTI: re.compile(rf"(?<![a-z])(r_?\d\d|{LENGTH_UNIT})(?![a-z\d])", re.I),
 }
+# Another column of a heading with such a name may be a part of the stamp, or say that there is no pose.
+DOUBTFUL = re.compile(
+    rf"time|stamp|valid|success|lost|t_s$|^(ok|s|t)$|(?<![a-z])(secs?|{TIME_UNIT})(?![a-z])"
+)
+IN_BRACKETS = re.compile(r"[\[(].*?[\])]")
 EXAMPLE, MORE = "timestamp x y z qx qy qz qw", "..."
 
 
@@ -233,13 +241,7 @@ def _layout(names: Sequence[str], needed: Roles) -> Layout:
 
 
 def _of_heading(heading: str, separator: str | None, first: Sequence[str], needed: Roles) -> Layout:
-    """
-    Understand a heading.
-
-    :param separator: of the rows.
-    :param first: the fields of the first row.
-    :raises ValueError: it has another number of names, the same twice, or lacks one that is needed.
-    """
+    """Understand the heading of rows with this separator, of which the ``first`` has these fields."""
     text = heading.strip("#%/ ")
     own = separator if separator and separator in text else _separator(text)
     names = text.split(own) if own else SPACES.split(text)
@@ -251,9 +253,15 @@ def _of_heading(heading: str, separator: str | None, first: Sequence[str], neede
         named = [one for one in names if one not in ("", "-")]
         if len(named) > len({*named}):  # as of pos x pos y pos z between spaces
             raise ValueError("expected different names")
-        return _layout(names, needed)
+        layout = _layout(names, needed)
+        for one in named:
+            bare = one.strip("\"' ").lower()
+            if not NAMES.fullmatch(bare) and DOUBTFUL.search(IN_BRACKETS.sub("", bare)):
+                raise ValueError(f"the column {_quoted(one)} may be a part of the stamp, or invalidate poses")
+        return layout
     except ValueError as error:
-        raise ValueError(f"the heading {_quoted(heading)}: {error}") from None
+        kind = "comment" if heading.startswith("#") else "heading"
+        raise ValueError(f"the {kind} {_quoted(heading)}: {error}") from None
 
 
 # Rows.
@@ -261,7 +269,7 @@ def _of_heading(heading: str, separator: str | None, first: Sequence[str], neede
 EXACT = Context(prec=60, traps=[])  # a float cannot hold all digits of a stamp
 WHOLE = re.compile(r"\s*\d{1,10}\s*", re.A)
 NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?\s*", re.I | re.A)
-LIKE_NUMBER = re.compile(r"\W*\d")
+LIKE_NUMBER = re.compile(r"\W*(\d|nan\b|inf\b)", re.I)
 EXPECTED = {
     TUM: "8 numbers, a stamp in seconds and x y z qx qy qz qw",
     KITTI: "12 numbers, the first three rows of a matrix",
@@ -279,12 +287,7 @@ class _Table(NamedTuple):
 
 
 def _read(path: str | PathLike[str], needed: Roles, given: Layout | None = None) -> _Table:
-    """
-    Read the rows of a file.
-
-    :param needed: the roles of the numbers that a row must have.
-    :param given: the columns, if a user has named them. None: a heading does, or there are no others.
-    """
+    """Read the numbers that are needed; ``given``: the columns, if a user has named them."""
     name, rows = printable(os.fspath(path)), _Rows(needed, given)
     lines, times_ns, values = array("q"), array("q"), array("d")
     for number, text in _lines(path, name):
@@ -335,12 +338,7 @@ class _Rows:
         self.width = 0
 
     def split(self, text: str) -> list[str] | None:
-        """
-        Split a line.
-
-        :return: the fields of a row; None: it is a comment, a heading, or a row without a pose.
-        :raises ValueError: it is something else.
-        """
+        """Get the fields of a row; None: the line is a comment, a heading, or a row without a pose."""
         if text.startswith("#"):
             if not self._given and LIKE_NAMES[self._needed].search(text) and text != self._heading:
                 if self._heading or self.width:
@@ -361,9 +359,10 @@ class _Rows:
         return fields if has_pose else None
 
     def _is_title(self, text: str) -> bool:
-        """Whether the first line has the names of columns: no field begins like a number."""
+        """Whether the first line has the names of columns: letters, and no field begins like a number."""
         fields = text.split(self._separator)
-        return len(fields) >= self.layout.width and not any(map(LIKE_NUMBER.match, fields))
+        has_letters = any(map(str.isalpha, text))
+        return has_letters and len(fields) >= self.layout.width and not any(map(LIKE_NUMBER.match, fields))
 
     def _begin(self, first: str) -> None:
         """Find the layout, with the first row."""

@@ -109,11 +109,13 @@ class Streams:
         jumps = np.flatnonzero(received < previous - JUMP_BACK_NS)
         self._last_ns = int(received[-1])
         if len(jumps):
-            # As a buffer, which is cleared, keep only static transforms.
+            # As a buffer, which is cleared, keep only static transforms; of each stream the last one, because
+            # the window may have ended before the others.
             start = jumps[-1]
             self._jump = int(previous[start]), int(received[start])
             before = np.concatenate((self._records, records[:start]))
-            self._records = before[before["static"] != 0]
+            still = before[before["static"] != 0]
+            self._records = still[_last_of_each(still)]
             # Publishers that were received before the jump are discovered.
             publishers = np.unique(before["publisher"]).tolist()
             self._settled_ns = dict.fromkeys((*self._settled_ns, *publishers), NOTHING)
@@ -208,8 +210,7 @@ class Streams:
         places = np.flatnonzero(early & (records["static"] == 0) & (records["refusals"] == 0))
         settled = np.ones(len(records), np.bool_)
         settled[places] = False
-        _, last = np.unique(_keys(records[places])[::-1], return_index=True)
-        settled[places[len(places) - 1 - last]] = True
+        settled[places[_last_of_each(records[places])]] = True
         return settled
 
 
@@ -219,6 +220,13 @@ def _keys(records: Records) -> NDArray[np.int64]:
         keys = keys << bits | records[part]
     keys = keys << 1 | (records["refusals"] != 0)
     return keys
+
+
+def _last_of_each(records: Records) -> NDArray[np.intp]:
+    """Where the last record of each key is, in the order of the records."""
+    _, from_end = np.unique(_keys(records)[::-1], return_index=True)
+    found: NDArray[np.intp] = np.sort(len(records) - 1 - from_end)
+    return found
 
 
 def _grouped(records: Records) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:

@@ -398,6 +398,13 @@ def test_the_offset_of_clocks():
     assert 1 <= feed.clock_offset < DEADLINE_S
 
 
+def test_the_offset_of_clocks_is_that_of_the_last_minute(monkeypatch):
+    monkeypatch.setattr("tf2_ros_tools.live.feed.PERIOD_NS", 1)  # a minute has 6 of them
+    feed = Feed()
+    feed.take(message(), False, sent_ns=time.time_ns())
+    until(lambda: feed.clock_offset is None)
+
+
 def test_a_clock_that_is_ahead_is_warned_of_once(caplog):
     feed = Feed(name="x://robot")
     feed.take(message(), False, sent_ns=time.time_ns() + 1000 * S)

@@ -63,6 +63,8 @@ def test_the_names_in_messages_get_the_prefix_of_their_robot(msgtype, tmp_path):
     check(bag.load(path, topics=topics, poses={"/a/slam/odom": ("w", "g")}), "w", "g")  # as they are given
     others = {"x/o": {"/a/slam/odom": "x/"}, "o": {"/a/slam/tf": ""}}
     others["o"] |= {"/a/tf2": "z/"}  # which of both is not known
+    # Several topics of one namespace; and the name of another namespace begins in the same way.
+    others["a/o"] = {"/a/tf2": "a/", "/a/sl/tf": "x/"}
     for parent, more in others.items():
         buffer = bag.load(path, topics=topics | more, poses={"/a/slam/odom": None})
         check(buffer, parent, f"{parent[:-1]}b")

@@ -185,7 +185,7 @@ def test_a_rounded_stamp_at_an_end_of_the_odometry_is_used_there(tmp_path):
     matrices = to_matrix(([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], [about_z(0.1)] * 2))
     for digits in 9, 8, 7, 6:  # the first one is up to 211 ns after the first odometry
         lines = [
-            f"{ns / S:.{digits}f} {x} {y} {z} 0 0 {math.sin(0.05)!r} {math.cos(0.05)!r}\n"
+            2 * f"{ns / S:.{digits}f} {x} {y} {z} 0 0 {math.sin(0.05)!r} {math.cos(0.05)!r}\n"
             for ns, (x, y, z) in zip(ends, matrices[:, :3, 3].tolist(), strict=True)
         ]
         (tmp_path / "rounded.tum").write_text("".join(lines))

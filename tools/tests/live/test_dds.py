@@ -175,14 +175,19 @@ def test_a_robot_with_kilted(kilted, laptop):
     kilted.until("heard.get(('/tf_static', 'lidar')) == 2")
 
 
+# On a busy machine, the time that discovery usually takes may be over before a text says so.
+DISCOVERY = f"from tf2_ros_tools.live import dds; dds.DISCOVERY_S = {SECONDS}"
+
+
 def test_nobody_is_there(new_laptop):
     domain = claim_domain()
     laptop = new_laptop(f"domain={domain}")
+    laptop.do(DISCOVERY)
     with pytest.raises(OrderError) as raised:
         laptop.do("robot.wait_until_heard(0.5)")
     assert str(raised.value) == (
         "TimeoutError: nothing has been received on /tf or /tf_static in 0.5 s: no robot was found in "
-        f"domain {domain} so far, and discovery takes up to 5 s. Check that its nodes run, and check "
+        f"domain {domain} so far, and discovery takes up to 60 s. Check that its nodes run, and check "
         f"ROS_DOMAIN_ID, the robot's ROS_AUTOMATIC_DISCOVERY_RANGE, and the firewall (UDP from port "
         f"{7400 + 250 * domain}). Without multicast, give the robot's address: dds://?peers=192.168.0.7"
     )
@@ -198,12 +203,13 @@ def test_a_robot_in_another_domain_is_not_found(robot, new_laptop):
 
 
 def test_nobody_publishes_static_transforms(robot, laptop):
+    laptop.do(DISCOVERY)
     matched(robot, laptop)
     robot.do("send(out, ('map', 'base'), ('map', 'b'))")
     laptop.until("robot.topics['/tf'].count")
     assert why(laptop) == (
         "TimeoutError: /tf is received (1 message), but nothing on /tf_static in 0.5 s: no node publishes "
-        f"/tf_static in domain {os.environ['ROS_DOMAIN_ID']} so far, and discovery takes up to 5 s"
+        f"/tf_static in domain {os.environ['ROS_DOMAIN_ID']} so far, and discovery takes up to 60 s"
     )
 
 

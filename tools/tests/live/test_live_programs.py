@@ -49,7 +49,7 @@ def test_tf2_check_says_why_nothing_arrives():
     assert status == 1
     text = (
         r"nothing has been received on /tf or /tf_static in [\d.]+ s: no robot was found in domain "
-        f"{NOBODYS} so far"
+        f"{NOBODYS}( so far)?"  # not on a busy machine
     )
     assert re.match(f"nothing: {text}", out)
     assert out.count("\n") == 2, out

@@ -117,6 +117,7 @@ class _Page(Server):
         """End the processes of all tabs, for which aiohttp would wait for a minute."""
         for tab in self._tabs:
             tab.cancel()
+        await asyncio.gather(*self._tabs, return_exceptions=True)
 
     @web.middleware
     async def _require_own_name(self, request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -150,6 +151,6 @@ class _Page(Server):
             process = app_service._process
             if process is not None and process.returncode is None:
                 with suppress(ProcessLookupError):
-                    os.kill(
-                        process.pid, signal.SIGTERM
-                    )  # `terminate` would fetch the status of one that ended
+                    # `terminate` would fetch the status of one that ended.
+                    os.kill(process.pid, signal.SIGTERM)
+                await process.wait()  # its end must not be reported to a loop that was closed

@@ -264,6 +264,8 @@ COMMENTS = [
     "feet",
     "columns: time east north up real i j k",
     "delta_t|linear_velocity_x|linear_velocity_y|a|b",
+    "!time [s] east north up a b c d",
+    "time /p/x /p/y /p/z qr qi qj qk",
 ]
 REFUSED |= {f"# {comment}\n1 1 2 3 1 0 0 0\n": "line 2: the comment .* expected " for comment in COMMENTS}
 # Headings of other columns than those of poses.
@@ -282,6 +284,8 @@ REFUSED |= {
     f"{COMMAS},{name}\n{ROW.replace(' ', ',')},7\n": f"line 2: .* the column '{re.escape(name)}' may be"
     for name in (
         "ns",
+        "!t [ns]",
+        "dt",
         "nanosec",
         "header.stamp.secs",
         "usec",

@@ -396,6 +396,14 @@ def test_a_trajectory_that_contradicts_the_others_is_refused(rewrite, tmp_path, 
         rewrite(path, "--trajectory", tmp_path / "own.tum", "map", "odom", "base", *more)
 
 
+def test_static_transforms_of_two_robots_are_refused(rewrite, tmp_path):
+    (tmp_path / "calibration.yaml").write_text(CALIBRATION)
+    path = in_mcap(tmp_path / "run", run_of())
+    topics = ("--topic", "/tf=a/", "--topic", "/b/tf=b/")
+    with pytest.raises(UsageError, match="statics are of one robot"):
+        rewrite(path, "--statics", tmp_path / "calibration.yaml", *topics)
+
+
 def test_damage_is_found(rewrite, tmp_path):
     path = write_mcap(tmp_path / "run.mcap", run_of(), compression="none")
     data = bytearray(path.read_bytes())

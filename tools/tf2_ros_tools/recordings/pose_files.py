@@ -170,9 +170,10 @@ TIME_UNIT = r"[nuµm]s(ecs?)?|(nano|micro|milli)[a-z]+|min(utes?)?|hours?"
 LENGTH_UNIT = r"[cmk]m|(centi|milli|kilo)[a-z]+|inch(es)?|feet|foot|ft|yards?|miles?"
 LIKE_NAMES = {
     TUM: re.compile(
-        rf"(?<![a-z])([a-z]?w|q[qwxyz\d]*|wxyz|xyzw|scalar|real|rot|{TIME_UNIT}|{LENGTH_UNIT})(?![a-z\d])"
+        rf"(?<![a-z])([a-z]?w|q([a-z\d]?|vec|[qwxyz\d]*)|wxyz|xyzw|scalar|real|rot|{TIME_UNIT}|{LENGTH_UNIT})(?![a-z\d])"
         r"|quat|rotation|orientation"
-        r"|^\W*(\w+:\s*)?([a-z][^\s,;|]*[\s,;|]+){7}[a-z][^\s,;|]*$"  # as many words as a row has numbers
+        # As many words as a row has numbers.
+        r"|^\W*(\w+:\s*)?([a-z/][^\s,;|]*(\s*[\[(].*?[\])])?[\s,;|]+){7}[a-z/][^\s,;|]*$"
         r"|(\S*\w[_/]\w\S*[\s,;|]+){2}\S*\w[_/]\w",  # words like pos_x or pose/x
         re.I,
     ),
@@ -181,7 +182,7 @@ LIKE_NAMES = {
 }
 # Another column of a heading with such a name may be a part of the stamp, or say that there is no pose.
 DOUBTFUL = re.compile(
-    rf"time|stamp|valid|success|lost|t_s$|^(ok|s|t)$|(?<![a-z])(secs?|{TIME_UNIT})(?![a-z])"
+    rf"time|stamp|valid|success|lost|t_s$|^\W*(ok|s|d?t)\W*$|(?<![a-z])(secs?|{TIME_UNIT})(?![a-z])"
 )
 IN_BRACKETS = re.compile(r"[\[(].*?[\])]")
 EXAMPLE, MORE = "timestamp x y z qx qy qz qw", "..."

@@ -100,6 +100,8 @@ class Edits:
             )
         if self.prefix and any(prefixes):
             raise ValueError("expected `prefix` (--prefix) or prefixes of topics (--topic), got both")
+        if self.statics and len(prefixes) > 1:
+            raise ValueError("statics are of one robot: expected its topics, got those of several")
         if what.trajectory is None:
             return
         if len(prefixes) > 1:

@@ -43,6 +43,8 @@ NUMBER = re.compile(r"\d+(?:\.\d+)?")
 # tf2 searches a history from its newest sample: the longer histories would only raise the largest ratios.
 LONG = re.compile(r"0,000 samples")
 IS_RECENT = re.compile(r", static,|latest|newest")
+# Those of the first table, which has one commit.
+HEADLINE_SECTIONS = ("lookups", "calls", "receiving:cpu", "receiving:waits")
 # The evaluation of tf2_rs: the smallest and the largest ratio to tf2 in C++ of tf2_rs, and of tf2_py.
 PUBLISHED = {"static": ("1.07 to 1.18", "5 to 10"), "dynamic": ("1.00 to 1.01", "1.25 to 1.80")}
 PUBLISHED_ONLINE = ((1.40, 1.57), (4, 6))
@@ -119,21 +121,19 @@ def _time(value: float) -> str:
     return f"{value:.3g} µs" if value < 100 else f"{value:,.0f} µs"
 
 
+def _rounded_down(value: float) -> str:
+    # No page quotes a better one.
+    return f"{int(value)}" if value >= 10 else f"{int(value * 100) / 100:g}"
+
+
 def _milliseconds(value: float) -> str:
     return f"{value / 1e3:.0f}" if value >= 10_000 else f"{value / 1e3:.2g}"
 
 
 def sentences() -> Iterator[str]:
     """What the report says, for all lines that the words cover."""
-    yield from of_all_lookups()
+    yield from of_headline_and_frames()
     messages = REPORT["receiving:cpu"]
-    ratios = [ours / theirs for ours, theirs in messages.medians(["ours: listener", "tf2_ros: listener"])]
-    yield f"use {_range(ratios, _percent)} % as much CPU time per message under `rclpy.spin`"
-    ours, theirs = REPORT["receiving:waits"].medians(["ours: blocked", "tf2_ros: blocked"])[0]
-    yield (
-        f"return about {_milliseconds(ours)} ms after the transform was sent,"
-        f" instead of {_milliseconds(theirs)} ms."
-    )
     together, apart = REPORT["nodes"].medians(["ours: together", "ours: apart"])[0]
     yield f"use {_percent(together)} % of a core instead of {_percent(apart)} %."
     kept = [kept - dropped for kept, dropped in FOUND.medians([KEPT, OURS])]
@@ -171,35 +171,13 @@ def sentences() -> Iterator[str]:
     yield from _of_frozen()
 
 
-def of_all_lookups() -> Iterator[str]:
-    """What all lines with histories of up to 1,000 samples say, whether results are kept or not."""
-
-    def rounded_down(value: float) -> str:
-        # No page quotes a better one.
-        return f"{int(value)}" if value >= 10 else f"{int(value * 100) / 100:g}"
-
-    def beside(other: str, is_recent: bool) -> str:
-        return _range(
-            [of[other][0] / of[own][0] for of in lines[is_recent] for own in (OURS, KEPT)], rounded_down
-        )
-
-    lines: dict[bool, list[Line]] = {True: [], False: []}
-    for line, of in FOUND.items():
-        if not LONG.search(line):
-            lines[not IS_PAST[line]].append(of)
-    times = [of[own][0] for several in lines.values() for of in several for own in (OURS, KEPT)]
-    yield f"a lookup takes {min(times):.2f} to {max(times):.2f} µs."
-    yield (
-        "For static frames, and at the latest time or the newest stamp, Jazzy's `tf2_ros` takes"
-        f" {beside(PYTHON, True)} times as long, and tf2 called from C++ {beside(CPP, True)} times as long;"
-        " at random and the oldest times, they take"
-        f" {beside(PYTHON, False)} and {beside(CPP, False)} times as long."
-    )
-    commit = re.findall(r"commit ([0-9a-f]+)", FOUND.remark)[0]
-    yield f"of results that a program keeps or drops, at commit {commit}"
+def of_headline_and_frames() -> Iterator[str]:
+    """At which commit the lines of the first table were measured, and what lookups take beside a listener."""
+    [commit] = {re.findall(r"commit ([0-9a-f]+)", REPORT[name].remark)[0] for name in HEADLINE_SECTIONS}
+    yield f"measured at commit {commit}"
     online = REPORT["tf2_rs:online"].medians([OURS, PYTHON])
     took = _range([ours for ours, _ in online], "{:.2f}".format)
-    ratios = _range([python / ours for ours, python in online], rounded_down)
+    ratios = _range([python / ours for ours, python in online], _rounded_down)
     yield (
         f"While a process receives 300 frames, half of which move, a lookup takes {took} µs, and {ratios}"
         " times as long with `tf2_ros`."
@@ -220,6 +198,43 @@ def _of_frozen() -> Iterator[str]:
 
 
 Table = Iterable[tuple[str, ...]]
+
+
+def of_headline() -> Table:
+    """The slowest median here of each kind of line, and the smallest ratios of others in one line."""
+    short = {line: of for line, of in FOUND.items() if not LONG.search(line)}
+    recent, past = ([of for line, of in short.items() if IS_PAST[line] is one] for one in (False, True))
+    timeouts = [of for line, of in REPORT["calls"].items() if re.search(r"lookup.*timeout=duration", line)]
+    yield "", "here", "Jazzy's `tf2_ros`", "Jazzy's tf2, called from C++"
+    for what, lines, own, others in (
+        ("a lookup of static frames, or at the latest time", recent, (OURS, KEPT), (PYTHON, CPP)),
+        ("a lookup with a timeout", timeouts, ("ours: call",), ("tf2_ros: call",)),
+        ("a lookup at a past time", past, (OURS, KEPT), (PYTHON, CPP)),
+        *(
+            (what, list(REPORT[section].values()), (f"ours: {way}",), (f"tf2_ros: {way}",))
+            for what, section, way in (
+                ("a message received, CPU time", "receiving:cpu", "listener"),
+                ("a wait, after the transform was sent", "receiving:waits", "blocked"),
+            )
+        ),
+    ):
+        slowest = max(of[one][0] for of in lines for one in own)
+        ratios = [
+            f"{_rounded_down(min(of[other][0] / of[one][0] for of in lines for one in own))} times"
+            for other in others
+        ]
+        yield what, _time(slowest), *ratios, *["–"] * (2 - len(ratios))
+
+
+def of_calls() -> Table:
+    """Each call of the section, with the time of Jazzy's where it has the call."""
+    yield "", "here", "Jazzy's `tf2_ros`"
+    for call, of in REPORT["calls"].items():
+        yield (
+            f"`{call}`",
+            _time(of["ours: call"][0]),
+            _time(of["tf2_ros: call"][0]) if "tf2_ros: call" in of else "–",
+        )
 
 
 def of_lookups() -> Table:
@@ -313,7 +328,13 @@ def of_tf2_rs() -> Table:
     yield "moving frames that are received: relative to Python", relative, "1", "1", ours
 
 
-TABLES = {"lookups": of_lookups, "matrices": of_matrices, "tf2_rs": of_tf2_rs}
+TABLES = {
+    "headline": of_headline,
+    "calls": of_calls,
+    "lookups": of_lookups,
+    "matrices": of_matrices,
+    "tf2_rs": of_tf2_rs,
+}
 PLACE = re.compile(
     r"(?P<head><!-- (?P<name>\w+), by docs/performance_from_results\.py -->\n)(\n\|.*?\n(?=\n|\Z))?",
     re.DOTALL,

@@ -75,7 +75,7 @@ FORMS = {
     "tabs, and an empty field": lambda poses: table(
         poses,
         lambda ns, numbers: "\t".join([seconds(ns), "", *numbers, "0"]),
-        "time\tname of a place\tx\ty\tz\tqx\tqy\tqz\tqw\tstatus",
+        "time\tname of a place\tx\ty\tz\tqx\tqy\tqz\tqw\tfloor",
     ),
     "numpy.savetxt": lambda poses: w_first(poses, "# timestamp tx ty tz qw qx qy qz", separator=" "),
     "capitals and quotes": lambda poses: w_first(poses, '"Timestamp","TX","TY","TZ","QW","QX","QY","QZ"'),

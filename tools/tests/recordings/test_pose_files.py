@@ -219,12 +219,16 @@ REFUSED = {
     "# id x y z qx qy qz qw\n0 0 0 0 0 0 0 1\n": "line 2: .* expected one column for timestamp, got none",
     "t x y z px qx qy qz qw\n1 0 0 0 0 0 0 0 1\n": "line 2: .* expected one column for x, got 2",
     "timestamp,nsec,x,y,z,qx,qy,qz,qw\n1,2,3,4,5,0,0,0,1\n": "line 2: .*timestamp, or sec and nsec, got both",
+    "t,sec,x,y,z,qx,qy,qz,qw\n1,2,3,4,5,0,0,0,1\n": "line 2: .*timestamp, or sec and nsec, got both",
     "sec,nsec,x,y,z,qx,qy,qz,qw\n1,1000000000,0,0,0,0,0,0,1\n": "line 2: .*, got 1 and 1000000000",
     "sec,nsec,x,y,z,qx,qy,qz,qw\n1.5,5,0,0,0,0,0,0,1\n": "line 2: expected whole seconds .*, got 1.5 and 5",
     "t,x,y,z,qx,qy,qz,qw,v\n1,5,0,0,0,0,0,1,0\n2,6,0,0,0,0,0,1\n": "line 3: expected 9 columns, got 8: ",
     "t [h] x y z qx qy qz qw\n1 0 0 0 0 0 0 1\n": "line 2: .* expected one column for timestamp, got none",
     "t x[cm] y z qx qy qz qw\n1 0 0 0 0 0 0 1\n": "line 2: .* expected one column for x, got none",
     f"{TUM} valid\n{ROW} 1\n": "line 2: valid: expected true or false, got '1'",
+    f"id {TUM}\n1 {ROW}\n%2 {ROW}\n": "line 3: expected a row, or a comment after #, got '%2 1 2",
+    # kapture's are inverses.
+    "# timestamp, device_id, qw, qx, qy, qz, tx, ty, tz\n0, a, 1, 0, 0, 0, 2, 3, 4": "line 2: .*_id' may",
     f"hello world\n{ROW}\n": "line 1: expected 8 numbers, .*, got 2: 'hello world'; ",
     "PK\3\4\0\0": "line 1: expected a text in UTF-8, got binary data$",
     ROW.encode("utf-16"): "line 1: expected a text in UTF-8, got binary data$",
@@ -249,6 +253,7 @@ COMMENTS = [
     "positions in mm",
     "x y z in millimetres",
     "time px py pz ow ox oy oz",
+    "fields time tx ty tz rotW rotX rotY rotZ",
     "timestamp tx ty tz rw rx ry rz",
     "time x y z qw_world_device qx_world_device qy_world_device qz_world_device",
     "t x y z e0 e1 e2 e3",
@@ -279,7 +284,7 @@ REFUSED |= {
 }
 
 
-# Columns that may be a part of the stamp, or say which rows have no pose.
+# Columns that may be a part of the stamp, or say which rows have no pose, or that of another robot.
 REFUSED |= {
     f"{COMMAS},{name}\n{ROW.replace(' ', ',')},7\n": f"line 2: .* the column '{re.escape(name)}' may be"
     for name in (
@@ -293,6 +298,14 @@ REFUSED |= {
         "is_valid",
         "valid [bool]",
         "ok",
+        "date",
+        "gps_week",
+        "tracking_ok",
+        "is_good",
+        "status",
+        "outlier",
+        "robot_id",
+        "child_frame",
     )
 }
 REFUSED |= {

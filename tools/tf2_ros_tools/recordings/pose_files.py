@@ -170,7 +170,7 @@ TIME_UNIT = r"[nuµm]s(ecs?)?|(nano|micro|milli)[a-z]+|min(utes?)?|hours?"
 LENGTH_UNIT = r"[cmk]m|(centi|milli|kilo)[a-z]+|inch(es)?|feet|foot|ft|yards?|miles?"
 LIKE_NAMES = {
     TUM: re.compile(
-        rf"(?<![a-z])([a-z]?w|q([a-z\d]?|vec|[qwxyz\d]*)|wxyz|xyzw|scalar|real|rot|{TIME_UNIT}|{LENGTH_UNIT})(?![a-z\d])"
+        rf"(?<![a-z])([a-z]?w|q([a-z\d]?|vec|[qwxyz\d]*)|wxyz|xyzw|scalar|real|rot[wxyz]?|{TIME_UNIT}|{LENGTH_UNIT})(?![a-z\d])"
         r"|quat|rotation|orientation"
         # As many words as a row has numbers.
         r"|^\W*(\w+:\s*)?([a-z/][^\s,;|]*(\s*[\[(].*?[\])])?[\s,;|]+){7}[a-z/][^\s,;|]*$"
@@ -180,9 +180,11 @@ LIKE_NAMES = {
     TIMES: re.compile(rf"time|stamp|(?<![a-z])(secs?|seconds?|s|d?t|{TIME_UNIT})(?![a-z])", re.I),
     KITTI: re.compile(rf"(?<![a-z])(r_?\d\d|{LENGTH_UNIT})(?![a-z\d])", re.I),
 }
-# Another column of a heading with such a name may be a part of the stamp, or say that there is no pose.
+# Another column of a heading with such a name may be a part of the stamp, or select poses.
 DOUBTFUL = re.compile(
-    rf"time|stamp|valid|success|lost|t_s$|^\W*(ok|s|d?t)\W*$|(?<![a-z])(secs?|{TIME_UNIT})(?![a-z])"
+    r"time|stamp|valid|success|fail|lost|good|track(ed|ing)|status|accept|reject|t_s$|^\W*(s|d?t)\W*$"
+    rf"|(?<![a-z])((is)?ok|bad|(in|out)lier|date|doy|utc|(sec(ond)?|day|week|month|year)s?|{TIME_UNIT})(?![a-z])"
+    r"|^\W*(child|parent|robot|(rigid_?)?body|agent|device|object|vehicle)(_frame)?(_id|_name)?\W*$"
 )
 IN_BRACKETS = re.compile(r"[\[(].*?[\])]")
 EXAMPLE, MORE = "timestamp x y z qx qy qz qw", "..."
@@ -227,10 +229,10 @@ def columns_of(columns: str) -> Layout:
 def _layout(names: Sequence[str], needed: Roles) -> Layout:
     names = [one.strip("\"' ").lower() for one in names]
     roles = [found.lastgroup if (found := NAMES.fullmatch(one)) else None for one in names]
-    if is_split := NANOSECONDS in roles:
-        if STAMP in roles:
-            raise ValueError(f"expected one column for {STAMP}, or {SECONDS} and {NANOSECONDS}, got both")
-        roles = [STAMP if one == SECONDS else one for one in roles]
+    is_split = NANOSECONDS in roles
+    if STAMP in roles and (is_split or SECONDS in roles):
+        raise ValueError(f"expected one column for {STAMP}, or {SECONDS} and {NANOSECONDS}, got both")
+    roles = [STAMP if is_split and one == SECONDS else one for one in roles]
     for role in (*needed, *{NANOSECONDS, VALID}.intersection(roles)):
         if (count := roles.count(role)) != 1:
             raise ValueError(f"expected one column for {role}, got {count or 'none'}")
@@ -258,7 +260,7 @@ def _of_heading(heading: str, separator: str | None, first: Sequence[str], neede
         for one in named:
             bare = one.strip("\"' ").lower()
             if not NAMES.fullmatch(bare) and DOUBTFUL.search(IN_BRACKETS.sub("", bare)):
-                raise ValueError(f"the column {_quoted(one)} may be a part of the stamp, or invalidate poses")
+                raise ValueError(f"the column {_quoted(one)} may be a part of the stamp, or select poses")
         return layout
     except ValueError as error:
         kind = "comment" if heading.startswith("#") else "heading"
@@ -313,9 +315,7 @@ def _read(path: str | PathLike[str], needed: Roles, given: Layout | None = None)
 def _lines(path: str | PathLike[str], name: str) -> Iterator[tuple[int, str]]:
     """Read the lines that are not empty, with their numbers."""
     with open(path, encoding="utf-8-sig", errors="replace") as file:
-        number = 0
-        while line := file.readline(MOST_CHARACTERS):
-            number += 1
+        for number, line in enumerate(iter(lambda: file.readline(MOST_CHARACTERS), ""), 1):
             if "\0" in line:
                 raise BagError(f"{name}, line {number}: expected a text in UTF-8, got binary data")
             if len(line) == MOST_CHARACTERS and line[-1] != "\n":
@@ -351,28 +351,28 @@ class _Rows:
             if not self._heading and self._is_title(text):
                 self._heading = text
                 return None
-            self._begin(text)
+            self._begin(text.split(self._separator))
         fields = text.split(self._separator)
+        if text.startswith("%"):
+            raise ValueError(f"expected a row, or a comment after #, got {_quoted(text)}")
         if len(fields) != self.layout.width:
             what = f"{self.layout.width} columns" if self._given or self._heading else EXPECTED[self._needed]
             raise ValueError(f"expected {what}, got {len(fields)}: {_quoted(text)}")
-        has_pose = self.layout.valid is None or _is_true(fields[self.layout.valid])
-        return fields if has_pose else None
+        return fields if self.layout.valid is None or _is_true(fields[self.layout.valid]) else None
 
     def _is_title(self, text: str) -> bool:
         """Whether the first line has the names of columns: letters, and no field begins like a number."""
         fields = text.split(self._separator)
-        has_letters = any(map(str.isalpha, text))
-        return has_letters and len(fields) >= self.layout.width and not any(map(LIKE_NUMBER.match, fields))
+        is_wide = len(fields) >= self.layout.width
+        return is_wide and any(map(str.isalpha, text)) and not any(map(LIKE_NUMBER.match, fields))
 
-    def _begin(self, first: str) -> None:
-        """Find the layout, with the first row."""
-        fields = first.split(self._separator)
-        self.width = len(fields)
+    def _begin(self, first: Sequence[str]) -> None:
+        """Find the layout, with the fields of the first row."""
+        self.width = len(first)
         if self._given and self._given.has_more:
             self.layout = self._given._replace(width=max(self.width, self._given.width))
         elif self._heading and not self._given:
-            self.layout = _of_heading(self._heading, self._separator, fields, self._needed)
+            self.layout = _of_heading(self._heading, self._separator, first, self._needed)
         elif self._needed == TUM and self._separator in (",", ";") and not self._given:
             raise ValueError("expected a heading, or spaces between numbers, as in TUM's format")
 

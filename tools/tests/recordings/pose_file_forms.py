@@ -89,10 +89,10 @@ FORMS = {
         lambda ns, numbers: ",".join(["7", str(ns // S), str(ns % S), *numbers]),
         "# counter, sec, nsec, x, y, z, qx, qy, qz, qw",
     ),
-    "a frame first, and milliseconds": lambda poses: table(
+    "a label first, and milliseconds": lambda poses: table(
         poses,
-        lambda ns, numbers: ",".join(["map", f"{ns // 10**6}.{ns % 10**6:06d}", *numbers]),
-        "frame_id,time_ms,x,y,z,qx,qy,qz,qw",
+        lambda ns, numbers: ",".join(["slam", f"{ns // 10**6}.{ns % 10**6:06d}", *numbers]),
+        "label,time_ms,x,y,z,qx,qy,qz,qw",
     ),
 }
 

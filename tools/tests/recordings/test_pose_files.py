@@ -305,6 +305,8 @@ REFUSED |= {
         "status",
         "outlier",
         "robot_id",
+        "frame_id",
+        "source",
         "child_frame",
     )
 }

@@ -184,7 +184,7 @@ LIKE_NAMES = {
 DOUBTFUL = re.compile(
     r"time|stamp|valid|success|fail|lost|good|track(ed|ing)|status|accept|reject|t_s$|^\W*(s|d?t)\W*$"
     rf"|(?<![a-z])((is)?ok|bad|(in|out)lier|date|doy|utc|(sec(ond)?|day|week|month|year)s?|{TIME_UNIT})(?![a-z])"
-    r"|^\W*(child|parent|robot|(rigid_?)?body|agent|device|object|vehicle)(_frame)?(_id|_name)?\W*$"
+    r"|^\W*(child|parent|source|robot|(rigid_?)?body|agent|device|object|vehicle)(_frame)?(_id|_name)?\W*$|frame_id"
 )
 IN_BRACKETS = re.compile(r"[\[(].*?[\])]")
 EXAMPLE, MORE = "timestamp x y z qx qy qz qw", "..."

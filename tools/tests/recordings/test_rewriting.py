@@ -155,6 +155,22 @@ def test_what_mcap_has_beside_the_data_is_copied(rewrite, tmp_path):
     assert ours == theirs
 
 
+def test_frames_are_renamed_if_a_file_does_not_count_the_messages_of_topics(rewrite, tmp_path):
+    path = tmp_path / "run.mcap"
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        schema = writer.register_schema(SCAN, "ros2msg", store().generate_msgdef(SCAN)[0].encode())
+        channel = writer.register_channel("/scan", "cdr", schema)
+        for one in SCANS:
+            writer.add_message(channel, one.log_ns, raw(one), one.log_ns)
+        writer._Writer__statistics.channel_message_counts = {}  # an option of other writers
+        writer.finish()
+    written, _ = rewrite(path, "--prefix", "r1/")
+    scans = [store().deserialize_cdr(data, SCAN) for *_, data in messages_of(written)]
+    assert {one.header.frame_id for one in scans} == {"r1/lidar"}
+
+
 def _about(path):
     with open(path, "rb") as file:
         reader = make_reader(file)

@@ -123,12 +123,15 @@ class Mcaps:
             self.compression = self.compression or next(
                 (one.compression for one in summary.chunk_indexes), ""
             )
-            self._counts.append(None if summary.statistics is None else summary.statistics.message_count)
+            about = summary.statistics
+            self._counts.append(None if about is None else about.message_count)
+            # A file need not count the messages of each channel; any may then have some.
+            unknown = about.message_count if about and not about.channel_message_counts else 0
             for one in summary.channels.values():
                 schema = summary.schemas.get(one.schema_id)
                 own = ("", "", b"") if schema is None else (schema.name, schema.encoding, schema.data)
-                about = connection_of(one, schema, counts.get(one.topic, 0), self)
-                self.channels[number, one.id] = Channel(_defined(recorded, about), own, one.metadata)
+                connection = connection_of(one, schema, counts.get(one.topic, 0) + unknown, self)
+                self.channels[number, one.id] = Channel(_defined(recorded, connection), own, one.metadata)
 
     def items(self, writer: Any) -> Iterator[Item]:
         """Yield the messages, and write what else the files have."""

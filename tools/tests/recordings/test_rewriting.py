@@ -171,6 +171,22 @@ def test_frames_are_renamed_if_a_file_does_not_count_the_messages_of_topics(rewr
     assert {one.header.frame_id for one in scans} == {"r1/lidar"}
 
 
+def test_the_first_chunk_may_be_too_small_to_be_compressed(rewrite, tmp_path):
+    path = tmp_path / "run.mcap"
+    with open(path, "wb") as file:
+        writer = Writer(file, 2000, CompressionType.NONE)
+        writer.start("ros2")
+        schema = writer.register_schema(TF, "ros2msg", b"")
+        channel = writer.register_channel("/tf", "cdr", schema)
+        for i, one in enumerate(drive(60)[1:-1]):
+            writer.add_message(channel, one.log_ns, raw(one), one.log_ns)
+            if i == 20:
+                writer._Writer__compression = CompressionType.ZSTD
+        writer.finish()
+    assert _about(path)[1] == {"", "zstd"}
+    assert _about(rewrite(path, "--prefix", "r1/")[0])[1] == {"zstd"}
+
+
 def _about(path):
     with open(path, "rb") as file:
         reader = make_reader(file)

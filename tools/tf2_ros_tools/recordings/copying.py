@@ -120,8 +120,9 @@ class Mcaps:
             if summary is None:
                 raise explained(ValueError("it has no index"), str(path))
             self.profile = self.profile or header.profile
+            # Writers leave small chunks as they are, such as the first one.
             self.compression = self.compression or next(
-                (one.compression for one in summary.chunk_indexes), ""
+                (one.compression for one in summary.chunk_indexes if one.compression), ""
             )
             about = summary.statistics
             self._counts.append(None if about is None else about.message_count)

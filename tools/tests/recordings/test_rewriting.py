@@ -428,6 +428,28 @@ def test_a_trajectory_that_contradicts_the_others_is_refused(rewrite, tmp_path, 
         rewrite(path, "--trajectory", tmp_path / "own.tum", "map", "odom", "base", *more)
 
 
+@pytest.mark.parametrize(
+    ("moving", "more"),
+    [("camera", ("--statics", "own.yaml", "--prefix", "r1/")), ("base", ("--drop", "mast,base"))],
+)
+def test_a_trajectory_for_another_odometry_than_the_one_that_is_written_is_refused(
+    rewrite, tmp_path, monkeypatch, moving, more
+):
+    """In the file that is written, the robot would not be at the poses of the trajectory."""
+    (tmp_path / "own.tum").write_text("101 1 5 0 0 0 0 1\n103 2 5 0 0 0 0 1\n")
+    (tmp_path / "own.yaml").write_text("- {frame_id: r1/base, child_frame_id: r1/camera, x: 1.5}")
+    monkeypatch.chdir(tmp_path)
+    path = in_mcap(tmp_path / "run", run_of(Sent(102 * S, "/tf", [Tf("mast", "base", 101 * S)]), count=40))
+    own = ("--trajectory", tmp_path / "own.tum", "map", "odom", moving)
+    with pytest.raises(RunError, match=f"with the recorded transforms of {moving}, which statics or drop"):
+        rewrite(path, *own, *more)
+    first = rewrite(path, *more)[0].rename(tmp_path / "first.mcap")
+    prefix = "r1/" * ("--prefix" in more)
+    written, _ = rewrite(first, *own[:2], *(f"{prefix}{frame}" for frame in ("map", "odom", moving)))
+    at = load(written).lookup_transform(f"{prefix}map", f"{prefix}{moving}", 103 * S).transform.translation
+    np.testing.assert_allclose((at.x, at.y), (2.0, 5.0), rtol=0, atol=1e-9)
+
+
 def test_static_transforms_of_two_robots_are_refused(rewrite, tmp_path):
     (tmp_path / "calibration.yaml").write_text(CALIBRATION)
     path = in_mcap(tmp_path / "run", run_of())

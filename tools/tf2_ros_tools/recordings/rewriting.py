@@ -317,10 +317,11 @@ class _Rewriting:
         self._known: set[str] = set()  # their new names
         self._used: set[tuple[str | None, str]] = set()  # of `dropped`
         self._moved: _Samples | None = None
+        self._given = {stored_name(one.child_frame_id): one for one in edits.statics}
         if what.trajectory is not None and heard is not None:
             names = self._names_on(edits.topic(static=False))
+            self._refuse_other_odometry(what.trajectory.chain(heard.buffer), names)
             self._moved = _Samples(names, *what.trajectory.played(heard.buffer))
-        self._given = {stored_name(one.child_frame_id): one for one in edits.statics}
         self._sources = {} if heard is None else self._converters(heard)
         self._statics = {**self._given}  # with those recorded so far
         self._last: tuple[int, Item] | None = None  # message with dynamic transforms
@@ -333,6 +334,21 @@ class _Rewriting:
         }
         if self._given:
             self._publish_statics()
+
+    def _refuse_other_odometry(self, chain: Collection[str], names: Names) -> None:
+        """
+        Refuse a trajectory if the transforms to the frame whose poses it has will be others than recorded.
+
+        :raises BagError: so it is; the corrected transforms would not lead to these poses.
+        """
+        several = {child for parent, child in self._edits.dropped if parent is not None}
+        for frame in chain:
+            if frame in several or names.of(frame) in self._given:
+                raise BagError(
+                    f"{printable(self._recorded.path)}: the trajectory is computed with the recorded"
+                    f" transforms of {printable(frame)}, which statics or drop change: rewrite the recording"
+                    " with these first, and the file that is written with the trajectory"
+                )
 
     def add(self, item: Item) -> None:
         """Write a message of the recording, unless it is left out or loses all its transforms."""

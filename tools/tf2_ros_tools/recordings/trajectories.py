@@ -280,10 +280,9 @@ class Keyframes:
 
         :param buffer: has been corrected; the samples are inserted into it.
         """
-        parent, moving = stored_name(self._trajectory.parent), stored_name(self._trajectory.moving)
-        histories = buffer.histories()
+        parent, histories = stored_name(self._trajectory.parent), buffer.histories()
         keyframes_ns = histories[self.child].stamps_ns
-        chain = self._chain(buffer, keyframes_ns, moving)
+        chain = self.chain(buffer)
         moved = [name for name in chain if name in histories and not histories[name].static]
         stamps_ns = np.unique(np.concatenate([histories[name].stamps_ns for name in moved] or [keyframes_ns]))
         is_inside = (stamps_ns > keyframes_ns[0]) & (stamps_ns < keyframes_ns[-1])
@@ -296,8 +295,13 @@ class Keyframes:
         )
         return buffer.histories()[self.child], moved
 
-    def _chain(self, buffer: BufferCore, times_ns: NDArray[np.int64], moving: str) -> list[str]:
-        """Get the frames between the one that is corrected and the one whose poses are known."""
+    def chain(self, buffer: BufferCore) -> list[str]:
+        """
+        Get the frames between the one that is corrected and the one whose poses are known, with the latter.
+
+        :param buffer: has been corrected.
+        """
+        times_ns, moving = buffer.histories()[self.child].stamps_ns, stored_name(self._trajectory.moving)
         for time_ns in times_ns.tolist():  # at some, the odometry is not known, or has another parent
             with suppress(TransformException):
                 return [name for name in buffer.path(self.child, moving, time_ns) if name != self.child]

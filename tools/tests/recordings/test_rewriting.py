@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -16,10 +17,12 @@ from making_bags import (
     STAMPED,
     STRING,
     TF,
+    TF_OF_OLD,
     S,
     Sent,
     Tf,
     drive,
+    packed,
     posed,
     raw,
     scan,
@@ -394,6 +397,28 @@ def test_a_recording_of_ros_1_becomes_one_of_ros_2(rewrite, tmp_path):
     assert {"r1/base", "r1/camera", "r1/lidar", "r1/odom", "r1/map"} == {*load(written).frames()}
     assert len([one for one in messages_of(written) if one[0] == "/scan"]) == 12
     assert [one.name for one in tmp_path.iterdir() if one.is_dir()] == []
+
+
+@pytest.mark.parametrize("msgtype", [TF, TF_OF_OLD])
+def test_threads_convert_recordings_of_ros_1_and_keep_the_standard_output(tmp_path, capsys, msgtype):
+    paths = [write_ros1(tmp_path / f"{i}.bag", drive(200), msgtype=msgtype) for i in range(8)]
+    before = sys.stdout
+    with ThreadPoolExecutor(4) as pool:
+        for path in paths:
+            pool.submit(rewrite_recording, path, path.with_suffix(".mcap"), drop=["lidar"])
+    assert sys.stdout is before
+    assert capsys.readouterr().out == ""
+    assert {len(messages_of(path.with_suffix(".mcap"))) for path in paths} == {201}
+
+
+@pytest.mark.parametrize("more", [[], drive(5)])
+def test_a_compressed_recording_of_ros_1_becomes_one_of_ros_2(rewrite, tmp_path, more):
+    scans = [scan(one.log_ns, one.log_ns, ros=1) for one in SCANS]
+    path = packed(write_ros1(tmp_path / "run.bag", [*scans, *more]))
+    written, err = rewrite(path, "--rename", "lidar=laser")
+    assert err == ""
+    found = [store().deserialize_cdr(one[-1], SCAN) for one in messages_of(written) if one[0] == "/scan"]
+    assert {one.header.frame_id for one in found} == {"laser"}
 
 
 @pytest.mark.parametrize(

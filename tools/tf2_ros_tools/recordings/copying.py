@@ -8,8 +8,7 @@ import re
 import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, redirect_stdout
-from io import StringIO
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,6 +16,7 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from tf2_py.printable import counted, printable
 from tf2_ros_tools.recordings.bag_reader import (
+    PACKED,
     STORAGES,
     ZSTD,
     BagError,
@@ -30,10 +30,12 @@ from tf2_ros_tools.recordings.bag_reader import (
     open_recording,
     typestore,
 )
+from tf2_ros_tools.recordings.frame_names import HEADER
 from tf2_ros_tools.recordings.saved_buffers import QOS, TYPE
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection, Qos
+    from rosbags.typesys.store import Typestore
 
 CHUNK_BYTES = 1 << 20
 MESSAGE = struct.Struct("<HIQQ")  # of a message in mcap: channel, sequence, log time, time of publication
@@ -88,20 +90,40 @@ def in_ros_2(path: Path, place: Path) -> Iterator[Path]:
 
     :param place: the folder with the copy.
     """
-    if path.suffix != ".bag" or not path.is_file():
+    if not path.is_file() or not path.name.endswith((".bag", f".bag{PACKED}")):
         yield path
         return
-    with open_recording(path):  # explains what is wrong with it
-        pass
     from rosbags.convert.converter import ConverterError, convert
 
-    with TemporaryDirectory(prefix=".tf2-ros-cython-", dir=place) as folder, redirect_stdout(StringIO()):
-        copy = Path(folder, path.stem)
-        try:
-            convert([path], copy, STORAGES[".mcap"], 9, None, "", None, None, (), (), (), ())
-        except ConverterError as error:
-            raise BagError(f"{printable(str(path))}: {printable(str(error))}") from error
+    with TemporaryDirectory(prefix=".tf2-ros-cython-", dir=place) as folder:
+        copy = Path(folder, "copy")
+        with open_recording(path) as recorded:  # explains what is wrong with it
+            [bag] = recorded.files
+            try:
+                convert([bag], copy, STORAGES[".mcap"], 9, None, "", None, _types_of(bag), (), (), (), ())
+            except ConverterError as error:
+                raise BagError(f"{printable(str(path))}: {printable(str(error))}") from error
         yield copy
+
+
+def _types_of(bag: Path) -> Typestore:
+    """
+    Get the types of a recording of ROS 1, as those of ROS 2.
+
+    The converter would make the same ones, but print which type it has renamed.
+    """
+    from rosbags.convert.converter import STATIC_MSGTYPE_RENAMES
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    with AnyReader([bag]) as reader:
+        found = {**reader.typestore.fielddefs}
+    for old, new in STATIC_MSGTYPE_RENAMES.items():
+        if old in found:
+            found.setdefault(new, found[old])
+    store = get_typestore(Stores.EMPTY)
+    store.register({**found, HEADER: typestore().fielddefs[HEADER]})
+    return store
 
 
 class Mcaps:

@@ -275,7 +275,7 @@ def _check_topics(recorded: Recorded, what: Wanted) -> None:
         raise BagError(f"{name} has no topic {listed(missing)}; its topics are {listed(recorded.topics)}")
     if not named and recorded.topics.keys().isdisjoint(TOPICS):
         return
-    encoding = "ros1" if Path(recorded.path).suffix == ".bag" else "cdr"
+    encoding = "ros1" if recorded.files[0].suffix == ".bag" else "cdr"
     for one in sources_of(recorded, what):
         about = recorded.topics[one.topic]
         for role, given, expected in (

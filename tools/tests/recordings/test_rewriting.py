@@ -686,3 +686,32 @@ def test_static_transforms_from_python_are_copied_and_checked(tmp_path, capsys):
     assert "run.mcap" in capsys.readouterr().err
     assert (given.header.stamp.sec, given.transform.rotation.w) == (0, 2.0)
     assert load(written).frames()["imu"].parent == "base"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kind", "text"),
+    [
+        ({"drop": [1]}, TypeError, r"drop: expected a frame or a pair \(parent, frame\), got 1"),
+        ({"drop": [("odom", "base", "lidar")]}, TypeError, "drop: expected a frame or a pair"),
+        ({"rename": ["base"]}, TypeError, "rename: expected a dict of names, got list"),
+        ({"rename": {"base": 1}}, TypeError, "rename: expected the name of a frame, got 1"),
+        ({"rename": {"base": "a", "/base": "b"}}, ValueError, "rename: expected one new name of each frame"),
+        ({"rename": {"base": "/"}}, ValueError, "rename: expected the name of a frame, got ''"),
+        ({"rename": {"base": "a\0b"}}, ValueError, "rename: expected the name of a frame, got 'a"),
+        ({"rename": {"base": "a\ud800"}}, ValueError, "rename: expected a name in UTF-8, got 'a"),
+        ({"prefix": None}, TypeError, "prefix: expected a str, got NoneType"),
+        ({"prefix": "a\0b"}, ValueError, "prefix: expected the name of a frame, got 'a"),
+        ({"only_transforms": "no"}, TypeError, "only_transforms: expected a bool, got str"),
+        ({"statics": [1]}, TypeError, "statics: expected a TransformStamped, got int"),
+    ],
+)
+def test_python_refuses_what_would_not_name_frames(tmp_path, arguments, kind, text):
+    path, written = in_mcap(tmp_path / "run", run_of()), tmp_path / "python.mcap"
+    with pytest.raises(kind, match=text):
+        rewrite_recording(path, written, **arguments)
+    assert not written.exists()
+
+
+def test_a_slash_in_front_of_the_prefix_of_a_topic_is_removed(rewrite, tmp_path):
+    written, _ = rewrite(in_mcap(tmp_path / "run", run_of()), "--topic", "/tf=/r1/")
+    assert {frame.partition("/")[0] for one in transforms_of(written) for frame in one[2:]} == {"r1"}

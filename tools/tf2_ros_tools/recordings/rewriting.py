@@ -22,6 +22,7 @@ from tf2_py.printable import printable
 from tf2_py.typing import TimeLike
 from tf2_ros import TransformStamped
 from tf2_ros.serialization import MessageSource, read_transforms, serialize_arrays, serialize_transforms
+from tf2_ros_tools.common.bools import bool_of
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.output import not_known
 from tf2_ros_tools.common.program import UsageError
@@ -98,6 +99,8 @@ class Edits:
             raise ValueError(
                 "nothing to change: expected a trajectory, statics, or something to drop or rename"
             )
+        _refuse_names("rename", self.renamed.values())
+        _refuse_names("prefix", filter(None, (self.prefix, *map(stored_name, prefixes))))
         if self.prefix and any(prefixes):
             raise ValueError("expected `prefix` (--prefix) or prefixes of topics (--topic), got both")
         if self.statics and len(prefixes) > 1:
@@ -107,14 +110,15 @@ class Edits:
         if len(prefixes) > 1:
             raise ValueError("a trajectory is of one robot: expected its topics, got those of several")
         child = what.trajectory.child
-        new = self.renamed.get(child, f"{self.prefix or next(iter(prefixes))}{child}")
+        new = self.renamed.get(child, f"{self.prefix or stored_name(next(iter(prefixes)))}{child}")
         given = [one.child_frame_id for one in self.statics]
         if new in given or child in [one for _, one in self.dropped]:
             raise ValueError(f"the trajectory replaces the transforms of {child}: statics and drop must not")
 
     def prefix_of(self, topic: str) -> str | None:
         """Get the prefix of the frames on a topic; None: the topic remains as it is."""
-        return self.what.prefix_of(topic) if any(self.what.prefixes.values()) else self.prefix
+        found = self.what.prefix_of(topic) if any(self.what.prefixes.values()) else self.prefix
+        return found and stored_name(found)
 
     def topic(self, *, static: bool, near: str = "") -> str:
         """
@@ -127,6 +131,21 @@ class Edits:
             name = STATIC if static else DYNAMIC
             return f"{next(iter(self.what.prefixes)).rpartition('/')[0]}{name}"
         return max(named, key=lambda one: len(os.path.commonprefix((one.rpartition("/")[0] + "/", near))))
+
+
+def _refuse_names(argument: str, names: Iterable[str]) -> None:
+    """
+    Refuse new names of frames, or prefixes of these, that would make frames which cannot be looked up.
+
+    :raises ValueError: one is.
+    """
+    for name in names:
+        if not name or name.startswith("/") or "\0" in name:
+            raise ValueError(f"{argument}: expected the name of a frame, got {name!r}")
+        try:
+            name.encode()
+        except UnicodeEncodeError:
+            raise ValueError(f"{argument}: expected a name in UTF-8, got {name!r}") from None
 
 
 def rewrite(
@@ -176,19 +195,45 @@ def rewrite(
 
     Warnings are those of :func:`load`, and name topics whose frames keep their names, but should not.
     """
-    if isinstance(drop, str):
-        raise TypeError(f"drop: expected a list of frames, got a str: use [{drop!r}]")
-    pairs = [(None, one) if isinstance(one, str) else one for one in drop]
+    if not isinstance(prefix, str):
+        raise TypeError(f"prefix: expected a str, got {type(prefix).__name__}")
     edits = Edits(
         wanted(topics, start, end, poses, urdf, trajectory),
         _read_statics(statics),
-        [(parent if parent is None else stored_name(parent), stored_name(child)) for parent, child in pairs],
-        {stored_name(old): stored_name(new) for old, new in rename.items()},
+        _read_drop(drop),
+        _read_rename(rename),
         stored_name(prefix),
-        only_transforms,
+        bool_of(only_transforms, "only_transforms"),
     )
     for text in write(recording, output, edits, progress):
         warnings.warn(f"{printable(os.fspath(recording))}: {text}", stacklevel=2)
+
+
+def _read_drop(given: Iterable[str | tuple[str, str]]) -> list[tuple[str | None, str]]:
+    if isinstance(given, str):
+        raise TypeError(f"drop: expected a list of frames, got a str: use [{given!r}]")
+    dropped: list[tuple[str | None, str]] = []
+    for one in given:
+        match one:
+            case str(child):
+                dropped.append((None, stored_name(child)))
+            case (str(parent), str(child)):
+                dropped.append((stored_name(parent), stored_name(child)))
+            case _:
+                raise TypeError(f"drop: expected a frame or a pair (parent, frame), got {one!r}")
+    return dropped
+
+
+def _read_rename(given: Mapping[str, str]) -> dict[str, str]:
+    if not isinstance(given, Mapping):
+        raise TypeError(f"rename: expected a dict of names, got {type(given).__name__}")
+    for name in (*given, *given.values()):
+        if not isinstance(name, str):
+            raise TypeError(f"rename: expected the name of a frame, got {name!r}")
+    names = {stored_name(old): stored_name(new) for old, new in given.items()}
+    if len(names) < len(given):
+        raise ValueError("rename: expected one new name of each frame, got two of one")
+    return names
 
 
 def _read_statics(given: str | PathLike[str] | Iterable[TransformStamped]) -> list[TransformStamped]:
@@ -199,6 +244,8 @@ def _read_statics(given: str | PathLike[str] | Iterable[TransformStamped]) -> li
             raise ValueError(str(refusal)) from None
     statics, buffer = deepcopy([*given]), BufferCore()
     for one in statics:
+        if not (hasattr(one, "header") and hasattr(one, "child_frame_id")):
+            raise TypeError(f"statics: expected a TransformStamped, got {type(one).__name__}")
         one.header.frame_id, one.child_frame_id = map(stored_name, (one.header.frame_id, one.child_frame_id))
     check_tree("statics", statics)
     if buffer.set_transforms(statics, "statics", static=True) < len(statics):

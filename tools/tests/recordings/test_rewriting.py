@@ -534,6 +534,27 @@ def test_an_interrupt_leaves_nothing(tmp_path):
     assert [one.name for one in tmp_path.iterdir()] == ["run.mcap"]
 
 
+def test_an_interrupt_while_the_copy_of_a_recording_of_ros_1_is_removed_leaves_nothing(tmp_path, monkeypatch):
+    path, unlink = write_ros1(tmp_path / "run.bag", drive()), os.unlink
+
+    def interrupted(name, **how):
+        if name == "copy.mcap":
+            monkeypatch.setattr(os, "unlink", unlink)
+            raise KeyboardInterrupt
+        unlink(name, **how)
+
+    monkeypatch.setattr(os, "unlink", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        rewrite_recording(path, tmp_path / "out.mcap", drop=["lidar"])
+    assert [one.name for one in tmp_path.iterdir()] == ["run.bag"]
+
+
+def test_a_link_to_itself_is_replaced(rewrite, tmp_path):
+    (tmp_path / "written.mcap").symlink_to(tmp_path / "written.mcap")
+    written, _ = rewrite(in_mcap(tmp_path / "run", run_of()), "--drop", "lidar")
+    assert len(messages_of(written)) == 31
+
+
 @pytest.mark.parametrize("make", [write_ros1_mcap, write_foxglove])
 def test_transforms_of_another_encoding_are_refused(rewrite, tmp_path, make):
     with pytest.raises(RunError, match="expected the (encoding cdr, got ros1|type tf2.*, got foxglove)"):

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
+from shutil import rmtree
 from tempfile import TemporaryDirectory
 from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -94,16 +95,28 @@ def in_ros_2(path: Path, place: Path) -> Iterator[Path]:
         yield path
         return
     from rosbags.convert.converter import ConverterError, convert
+    from rosbags.highlevel import AnyReaderError
 
-    with TemporaryDirectory(prefix=".tf2-ros-cython-", dir=place) as folder:
-        copy = Path(folder, "copy")
+    with _folder_in(place) as folder:
+        copy = folder / "copy"
         with open_recording(path) as recorded:  # explains what is wrong with it
             [bag] = recorded.files
             try:
                 convert([bag], copy, STORAGES[".mcap"], 9, None, "", None, _types_of(bag), (), (), (), ())
-            except ConverterError as error:
+            except (ConverterError, AnyReaderError) as error:
                 raise BagError(f"{printable(str(path))}: {printable(str(error))}") from error
         yield copy
+
+
+@contextmanager
+def _folder_in(place: Path) -> Iterator[Path]:
+    """Make a folder that exists during a ``with`` statement."""
+    folder = TemporaryDirectory(prefix=".tf2-ros-cython-", dir=place)
+    try:
+        with folder:
+            yield Path(folder.name)
+    finally:  # if an interrupt has ended its removal
+        rmtree(folder.name, ignore_errors=True)
 
 
 def _types_of(bag: Path) -> Typestore:

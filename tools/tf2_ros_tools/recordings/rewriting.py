@@ -302,7 +302,7 @@ def _refuse_output(path: Path, output: Path) -> None:
 
     :raises ValueError: so it would be.
     """
-    recorded, written = path.resolve(), output.resolve()
+    recorded, written = (Path(os.path.realpath(one)) for one in (path, output))
     if recorded in (written, *written.parents):
         raise ValueError(f"{printable(str(output))} is the recording; choose another file")
     if output.exists() and not output.is_file():

@@ -3,6 +3,7 @@
 """Recordings that are written anew: what is copied, and what is changed, read by the library mcap alone."""
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -547,6 +548,23 @@ def test_an_interrupt_while_the_copy_of_a_recording_of_ros_1_is_removed_leaves_n
     with pytest.raises(KeyboardInterrupt):
         rewrite_recording(path, tmp_path / "out.mcap", drop=["lidar"])
     assert [one.name for one in tmp_path.iterdir()] == ["run.bag"]
+
+
+@pytest.mark.parametrize("form", ["mcap", "bag"])
+def test_a_full_disk_is_reported_for_the_file_that_is_written(tmp_path, form):
+    sent, output = drive(500), tmp_path / "out.mcap"
+    path = write_ros1(tmp_path / "run.bag", sent) if form == "bag" else in_mcap(tmp_path / "run", sent)
+    output.write_bytes(b"old")
+    limit, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (5000, most))
+    try:
+        with pytest.raises(OSError, match="File too large") as refused:
+            rewrite_recording(path, output, prefix="r1/")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, most))
+    assert refused.value.filename == str(output)
+    assert {one.name for one in tmp_path.iterdir()} == {path.name, "out.mcap"}
+    assert output.read_bytes() == b"old"
 
 
 def test_a_link_to_itself_is_replaced(rewrite, tmp_path):

@@ -104,6 +104,8 @@ def in_ros_2(path: Path, place: Path) -> Iterator[Path]:
             try:
                 convert([bag], copy, STORAGES[".mcap"], 9, None, "", None, _types_of(bag), (), (), (), ())
             except (ConverterError, AnyReaderError) as error:
+                if isinstance(error.__cause__, OSError):  # of the copy
+                    raise error.__cause__ from None
                 raise BagError(f"{printable(str(path))}: {printable(str(error))}") from error
         yield copy
 

@@ -344,6 +344,14 @@ def test_a_recording_without_transforms_gets_some(rewrite, tmp_path, form):
     assert {one.header.frame_id for one in scans} == {"laser"}
 
 
+def test_static_transforms_are_added_to_a_recording_of_a_wrong_clock(rewrite, tmp_path):
+    """Whose log times are after 2038, which stamps cannot be."""
+    (tmp_path / "own.yaml").write_text(CALIBRATION)
+    path = in_mcap(tmp_path / "run", [one._replace(log_ns=one.log_ns + 3 * 10**9 * S) for one in drive()])
+    written, _ = rewrite(path, "--statics", tmp_path / "own.yaml")
+    assert load(written).lookup_transform("base", "camera", 0).transform.translation.x == 1.5
+
+
 def test_a_parent_that_nobody_knows_is_reported(rewrite, tmp_path):
     (tmp_path / "own.yaml").write_text(CALIBRATION)
     _, err = rewrite(

@@ -65,6 +65,7 @@ from tf2_ros_tools.urdf import fixed
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
+LAST_STAMP_NS = ((1 << 31) - 1) * S  # in 2038; a wrong clock gives later log times
 Change: TypeAlias = Callable[[Item], "Raw | None"]
 
 
@@ -542,7 +543,7 @@ class _Rewriting:
         time_ns = max(self._recorded.start_ns or 0, self._begin_ns)
         for one in self._given.values():
             normalize(one)
-            one.header.stamp.sec, one.header.stamp.nanosec = divmod(time_ns, S)
+            one.header.stamp.sec, one.header.stamp.nanosec = divmod(min(time_ns, LAST_STAMP_NS), S)
         data = serialize_transforms(self._given.values())
         self._output.write(number, Item((0, 0), time_ns, time_ns, 0, data), data)
 

@@ -315,6 +315,21 @@ def test_frames_are_renamed_in_lists_and_in_both_byte_orders(rewrite, tmp_path, 
     assert after == bytes(store().serialize_cdr(sent, MARKERS))
 
 
+@pytest.mark.parametrize(
+    ("field", "lacks"), [("std_msgs/Header h", "std_msgs/msg/Header"), ("wstring s", "own/msg/wstring")]
+)
+def test_a_definition_that_cannot_be_used_is_reported(rewrite, tmp_path, field, lacks):
+    path = tmp_path / "run.mcap"
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        own = writer.register_schema("own/msg/Type", "ros2msg", f"string frame_id\n{field}".encode())
+        writer.add_message(writer.register_channel("/own", "cdr", own), 1, b"\0\1\0\0", 1)
+        writer.finish()
+    _, err = rewrite(path, "--prefix", "r1/")
+    assert f"frames keep their names on /own: the recording has no definition of {lacks}\n" in err
+
+
 def test_a_frame_on_both_topics_stays_on_both(rewrite, tmp_path):
     (tmp_path / "own.yaml").write_text(CALIBRATION)
     both = [

@@ -69,9 +69,10 @@ def renaming(connection: Connection, names: Names) -> Callable[[Raw], Raw] | Non
         raise ValueError(f"expected the encoding cdr, got {encoding}")
     msgtype = full_name(connection.msgtype)
     store = _store_of(connection, msgtype)
-    if msgtype not in store.fielddefs:
-        raise ValueError(f"the recording has no definition of {msgtype}")
-    plan = _plan_of(store, msgtype)
+    try:
+        plan = _plan_of(store, msgtype)
+    except KeyError as error:
+        raise ValueError(f"the recording has no definition of {error.args[0]}") from None
     if plan is None:
         return None
     store.get_msgdef(msgtype)  # fails if the codec lacks one of its types, such as wstring

@@ -682,6 +682,14 @@ def test_only_transforms_are_left(rewrite, tmp_path):
     assert messages_of(written) == [one for one in messages_of(path) if one[0].startswith("/tf")]
 
 
+def test_transforms_that_are_left_out_with_the_other_topics_are_reported(rewrite, tmp_path):
+    path = in_mcap(tmp_path / "run", two_robots())
+    written, err = rewrite(path, "--topic", "/a/tf=a/", "--only-transforms")
+    assert {topic for topic, *_ in messages_of(written)} == {"/a/tf"}
+    text = "the transforms on /a/tf_static are left out; `topics` or `--topic` keeps them"
+    assert err == f"tf2_bag rewrite: {text}\n"
+
+
 def test_poses_become_transforms(rewrite, tmp_path):
     poses = [posed(100 * S + i * S, float(i), "/gps/pose", STAMPED) for i in range(3)]
     path = in_mcap(tmp_path / "run", run_of(*poses))

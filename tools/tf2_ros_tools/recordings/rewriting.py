@@ -585,9 +585,19 @@ class _Rewriting:
             yield f"frames keep their names in the URDF on {listed(described)}"
         for why, topics in self._unknown.items():
             yield f"frames keep their names on {listed(topics)}: {why}"
+        if self._edits.only_transforms and (left := [*self._left_out()]):
+            yield f"the transforms on {listed(left)} are left out; `topics` or `--topic` keeps them"
         outside = [topic for topic, names in self._outside.items() if names.seen & changed]
         if outside:
             yield f"renamed frames keep their names on {listed(outside)}, topics of other namespaces"
+
+    def _left_out(self) -> Iterator[str]:
+        """Get the topics with transforms in the namespaces of those that were named."""
+        spaces = {topic.rpartition("/")[0] for topic in self._topics}
+        for topic, about in self._recorded.topics.items():
+            space, _, name = topic.rpartition("/")
+            if topic not in self._topics and space in spaces and name in ("tf", "tf_static") and about.count:
+                yield topic
 
 
 class _Samples:

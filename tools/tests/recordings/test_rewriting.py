@@ -375,6 +375,12 @@ def test_a_parent_that_nobody_knows_is_reported(rewrite, tmp_path):
     assert "no recorded transform has base, the parent of a new static one" in err
 
 
+def test_two_frames_that_get_one_name_are_reported(rewrite, tmp_path):
+    path = in_mcap(tmp_path / "run", run_of(*SCANS))
+    _, err = rewrite(path, "--rename", "lidar=camera")
+    assert err == "tf2_bag rewrite: the transforms of camera, lidar are now all of camera\n"
+
+
 def test_one_of_two_parents_is_dropped(rewrite, tmp_path):
     ns = 101 * S
     sent = run_of(Sent(ns, "/tf", [Tf("map", "base", ns)]), Sent(ns + 1, "/tf", [Tf("map", "gps", ns)]))

@@ -363,6 +363,7 @@ class _Rewriting:
         self._unknown: dict[str, list[str]] = {}  # other topics whose frames do, by the reason
         self._frames: set[str] = set()  # those with transforms, and their parents
         self._known: set[str] = set()  # their new names
+        self._children: dict[str, set[str]] = {}  # those with transforms, by the new name
         self._used: set[tuple[str | None, str]] = set()  # of `dropped`
         self._moved: _Samples | None = None
         self._given = {stored_name(one.child_frame_id): one for one in edits.statics}
@@ -520,6 +521,7 @@ class _Rewriting:
         before = one.header.frame_id, one.child_frame_id
         parent, child = map(names.of, before)
         self._known.update((stored_name(parent), stored_name(child)))
+        self._children.setdefault(stored_name(child), set()).add(stored_name(before[1]))
         if stored_name(parent) == stored_name(child) and len({*map(stored_name, before)}) == 2:
             both = " and ".join(before)
             text = f"the frames {both}, which a transform connects, would both be {parent}"
@@ -585,6 +587,9 @@ class _Rewriting:
             yield f"frames keep their names in the URDF on {listed(described)}"
         for why, topics in self._unknown.items():
             yield f"frames keep their names on {listed(topics)}: {why}"
+        for child, recorded in self._children.items():
+            if len(recorded) > 1:
+                yield f"the transforms of {listed(recorded)} are now all of {printable(child)}"
         if self._edits.only_transforms and (left := [*self._left_out()]):
             yield f"the transforms on {listed(left)} are left out; `topics` or `--topic` keeps them"
         outside = [topic for topic, names in self._outside.items() if names.seen & changed]

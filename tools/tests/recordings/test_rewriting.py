@@ -505,12 +505,21 @@ def test_a_trajectory_for_another_odometry_than_the_one_that_is_written_is_refus
     np.testing.assert_allclose((at.x, at.y), (2.0, 5.0), rtol=0, atol=1e-9)
 
 
-def test_static_transforms_of_two_robots_are_refused(rewrite, tmp_path):
+@pytest.mark.parametrize(
+    ("more", "text"),
+    [
+        (("--statics", "calibration.yaml"), "statics are of one robot"),
+        (("--urdf", "arm.urdf"), "a URDF is of one robot"),
+    ],
+)
+def test_static_transforms_of_two_robots_are_refused(rewrite, tmp_path, monkeypatch, more, text):
+    """They would be on the topic of the first one."""
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "calibration.yaml").write_text(CALIBRATION)
+    (tmp_path / "arm.urdf").write_text(ARM)
     path = in_mcap(tmp_path / "run", run_of())
-    topics = ("--topic", "/tf=a/", "--topic", "/b/tf=b/")
-    with pytest.raises(UsageError, match="statics are of one robot"):
-        rewrite(path, "--statics", tmp_path / "calibration.yaml", *topics)
+    with pytest.raises(UsageError, match=text):
+        rewrite(path, *more, "--topic", "/tf=a/", "--topic", "/b/tf=b/")
 
 
 def test_damage_is_found(rewrite, tmp_path):

@@ -106,6 +106,8 @@ class Edits:
             raise ValueError("expected `prefix` (--prefix) or prefixes of topics (--topic), got both")
         if self.statics and len(prefixes) > 1:
             raise ValueError("statics are of one robot: expected its topics, got those of several")
+        if what.robots and len(prefixes) > 1:  # whose fixed joints become static transforms
+            raise ValueError("a URDF is of one robot: expected its topics, got those of several")
         if what.trajectory is None:
             return
         if len(prefixes) > 1:

@@ -100,11 +100,12 @@ class TestEveryProgram:
         assert process.returncode in (130, PROGRAMS[name][1]) and err == ""
 
 
-def test_ctrl_c_ends_it_also_where_rclpy_makes_another_error_of_it():
+@pytest.mark.parametrize("other", ["RuntimeError('Unable to convert')", "ImportError('library')"])
+def test_ctrl_c_ends_it_also_where_rclpy_makes_another_error_of_it(other):
     code = (
         "import signal, sys\nfrom tf2_ros_tools.common.program import Parser, run\n"
         "def work(options):\n    try:\n        signal.raise_signal(signal.SIGINT)\n"
-        "    except KeyboardInterrupt:\n        raise RuntimeError('Unable to convert')\n"
+        f"    except KeyboardInterrupt:\n        raise {other}\n"
         "sys.exit(run(Parser('program', '', ''), work, ['program'], interrupted=7))"
     )
     done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True)

@@ -213,6 +213,8 @@ def run(
     except (RunError, MissingLibraryError) as failure:
         parser.fail(str(failure))
     except ImportError as lack:
+        if _was_interrupted():  # rclpy says that its library cannot be imported
+            return interrupted
         # The error of this project's tf2_ros says what it needs, but another tf2_ros may have been imported.
         parser.fail(f"{lack}; tf2_which shows which tf2_ros is imported")
     except OSError as failure:
@@ -224,11 +226,15 @@ def run(
             parser.fail(failure.strerror or str(failure))
         return FAILURE
     except Exception:
-        if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        if _was_interrupted():
             return interrupted  # what rclpy's bindings make of it while they convert an argument
         raise
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+def _was_interrupted() -> bool:
+    return signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
 
 def _interrupt(number: int, _: FrameType | None) -> None:

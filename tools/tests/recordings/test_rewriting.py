@@ -375,6 +375,13 @@ def test_a_parent_that_nobody_knows_is_reported(rewrite, tmp_path):
     assert "no recorded transform has base, the parent of a new static one" in err
 
 
+def test_a_loop_of_recorded_and_new_static_transforms_is_reported(rewrite, tmp_path):
+    (tmp_path / "own.yaml").write_text("- {frame_id: r1/camera, child_frame_id: r1/base}")
+    path = in_mcap(tmp_path / "run", run_of())
+    _, err = rewrite(path, "--statics", tmp_path / "own.yaml", "--prefix", "r1/")
+    assert "with the new static transforms, r1/" in err and "is its own ancestor" in err
+
+
 def test_two_frames_that_get_one_name_are_reported(rewrite, tmp_path):
     path = in_mcap(tmp_path / "run", run_of(*SCANS))
     _, err = rewrite(path, "--rename", "lidar=camera")

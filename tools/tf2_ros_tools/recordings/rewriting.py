@@ -60,7 +60,7 @@ from tf2_ros_tools.recordings.frame_names import Names, renaming
 from tf2_ros_tools.recordings.joints_and_poses import EMPTY, Joints, Source, converted
 from tf2_ros_tools.recordings.saved_buffers import DYNAMIC, STATIC
 from tf2_ros_tools.recordings.trajectories import Trajectory
-from tf2_ros_tools.urdf import fixed
+from tf2_ros_tools.urdf import fixed, one_in_a_loop
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -365,6 +365,7 @@ class _Rewriting:
         self._unknown: dict[str, list[str]] = {}  # other topics whose frames do, by the reason
         self._frames: set[str] = set()  # those with transforms, and their parents
         self._known: set[str] = set()  # their new names
+        self._parents: dict[str, str] = {}  # the last one of each, with new names
         self._children: dict[str, set[str]] = {}  # those with transforms, by the new name
         self._used: set[tuple[str | None, str]] = set()  # of `dropped`
         self._moved: _Samples | None = None
@@ -523,6 +524,7 @@ class _Rewriting:
         before = one.header.frame_id, one.child_frame_id
         parent, child = map(names.of, before)
         self._known.update((stored_name(parent), stored_name(child)))
+        self._parents[stored_name(child)] = stored_name(parent)
         self._children.setdefault(stored_name(child), set()).add(stored_name(before[1]))
         if stored_name(parent) == stored_name(child) and len({*map(stored_name, before)}) == 2:
             both = " and ".join(before)
@@ -589,6 +591,10 @@ class _Rewriting:
             yield f"frames keep their names in the URDF on {listed(described)}"
         for why, topics in self._unknown.items():
             yield f"frames keep their names on {listed(topics)}: {why}"
+        given = {child: stored_name(one.header.frame_id) for child, one in self._given.items()}
+        frame = one_in_a_loop({**self._parents, **given})
+        if frame is not None and one_in_a_loop(self._parents) is None:
+            yield f"with the new static transforms, {printable(frame)} is its own ancestor"
         for child, recorded in self._children.items():
             if len(recorded) > 1:
                 yield f"the transforms of {listed(recorded)} are now all of {printable(child)}"

@@ -44,7 +44,7 @@ from waiting import until
 from tf2_ros import Buffer, TransformStamped
 from tf2_ros.numpy import to_matrix
 from tf2_ros.serialization import MessageSource, insert_messages, read_transforms
-from tf2_ros_tools.bag import load
+from tf2_ros_tools.bag import BagError, load
 from tf2_ros_tools.bag import rewrite as rewrite_recording
 from tf2_ros_tools.common.program import RunError, UsageError
 from tf2_ros_tools.programs.tf2_bag import PARSER, bag
@@ -548,6 +548,18 @@ def test_a_lost_message_is_found(rewrite, tmp_path):
     path.write_bytes(data)
     with pytest.raises(RunError, match=r"its index counts 35 messages, but 34 can be read"):
         rewrite(path, "--rename", "odom=o")
+
+
+def test_a_channel_that_the_index_does_not_repeat_is_reported(tmp_path):
+    path = tmp_path / "run.mcap"
+    with open(path, "wb") as file:
+        writer = Writer(file, repeat_channels=False, repeat_schemas=False, use_chunking=False)
+        writer.start("ros2")
+        schema = writer.register_schema(SCAN, "ros2msg", b"")
+        writer.add_message(writer.register_channel("/scan", "cdr", schema), 1, raw(SCANS[0]), 1)
+        writer.finish()
+    with pytest.raises(BagError, match=r"run\.mcap is broken, .*: a message of no topic"):
+        rewrite_recording(path, tmp_path / "written.mcap", prefix="r1/")
 
 
 @pytest.mark.parametrize("output", ["run.mcap", "link.mcap", "folder/deep/out.mcap", "pipe.mcap", "dir.mcap"])

@@ -196,6 +196,8 @@ class Mcaps:
                 raise ValueError(f"its index counts {counted(count, 'message')}, but {read} can be read")
 
     def _decompressed(self, item: Item) -> Item:
+        if item.channel not in self.channels:
+            raise ValueError("a message of no topic: its index does not repeat all channels")
         # No message in CDR begins like this.
         if item.raw[:4] != ZSTD or encoding_of(self.channels[item.channel].connection) != "cdr":
             return item

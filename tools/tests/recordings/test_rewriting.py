@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Recordings that are written anew: what is copied, and what is changed, read by the library mcap alone."""
 
+import errno
 import os
 import resource
 import signal
@@ -480,6 +481,24 @@ def test_nothing_is_written_after_a_mistake(rewrite, tmp_path, arguments, kind, 
         rewrite(path, *arguments)
     assert {one.name for one in tmp_path.iterdir()} == {"run.mcap", "written.mcap"}
     assert (tmp_path / "written.mcap").read_bytes() == b"old"
+
+
+@pytest.mark.parametrize("form", ["mcap", "unchunked", "db3", "folder", "split", "messages", "ros1"])
+def test_a_full_disk_leaves_what_was_there(tmp_path, form):
+    make = FORMATS.get(form, lambda path, sent: write_ros1(path.with_suffix(".bag"), sent))
+    path, out = make(tmp_path / "run", run_of()), tmp_path / "written.mcap"
+    out.write_bytes(b"old")
+    there = {*tmp_path.rglob("*")}
+    limit, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (500, most))
+    try:
+        with pytest.raises(OSError) as refusal:
+            rewrite_recording(path, out, prefix="r1/")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, most))
+    assert (refusal.value.errno, refusal.value.filename) == (errno.EFBIG, str(out))
+    assert {*tmp_path.rglob("*")} == there
+    assert out.read_bytes() == b"old"
 
 
 @pytest.mark.parametrize("more", [("--drop", "odom"), ("--topic", "/tf=a/", "--topic", "/b/tf=b/")])

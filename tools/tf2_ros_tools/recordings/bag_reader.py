@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from struct import Struct
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypeVar
 
 import numpy as np
@@ -52,6 +52,7 @@ SQLITE_HEADER = Struct(">16xH6xII60xI4x")
 UNFINISHED = ".bag.active"  # what rosbag of ROS 1 renames when it ends
 SUFFIXES = (*TOOLS, *(f"{suffix}{PACKED}" for suffix in TOOLS))
 FROZEN = ".tf2"  # the extension of frozen buffers
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # what a disk without space answers
 LFS_POINTER = b"version https://git-lfs.github.com/spec/"  # what a file begins with
 # Files beside a database that is not merged, which rosbags does not read, and how they then begin: one has
 # what was written last, the other what an interrupted change has replaced.
@@ -366,6 +367,9 @@ def open_recording(path: "str | PathLike[str]") -> Iterator[Recorded]:
             reader = _opened(opened, stack)
             recorded = Recorded(name, reader, parts if source.is_dir() else [opened])
         except Exception as error:
+            if isinstance(error, OSError) and error.errno in FULL and error.filename is None:
+                # Only decompressed copies are written.
+                raise OSError(error.errno, error.strerror, gettempdir()) from None
             # rosbags does not say which file of a folder it could not open.
             for part in parts:
                 with open_recording(part):

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from os import PathLike
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -446,7 +447,8 @@ class _Rewriting:
             rename = renaming(about, names)
         except Exception as error:  # the parsers define error classes only for some kinds of damage
             if not is_outside:
-                self._unknown.setdefault(str(error) or repr(error), []).append(about.topic)
+                why = shorten(str(error) or repr(error), 120, placeholder=" …")  # it may quote a definition
+                self._unknown.setdefault(why, []).append(about.topic)
             return None
 
         def renamed(item: Item) -> Raw:

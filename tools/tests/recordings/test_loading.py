@@ -841,6 +841,9 @@ def test_what_is_no_bool_is_refused(wrong, tmp_path):
     for name in ("records", "keeps_uncorrected"):
         with pytest.raises(TypeError, match=f"^{name}: {text}"):
             read_contents(path, **{name: wrong})
+    for name in ("only_transforms", "progress"):
+        with pytest.raises(TypeError, match=f"^{name}: {text}"):
+            bag.rewrite(path, tmp_path / "new.mcap", **{"drop": ["base"], name: wrong})
     with open_recording(path) as recorded, pytest.raises(TypeError, match=f"^convert: {text}"):
         recorded.raw(["/tf"], convert=wrong)
 

@@ -528,6 +528,27 @@ class TestRecords:
             (0, "odom", 0.0, 0.0),
             (0, "odom", 5.0, 0.0),
         ]
+        assert self.found_in(sent) == (
+            [f"{self.AT_ONE} {apart} apart, first at 2.000 s: lookups mix them"] if apart else []
+        )
+
+    @pytest.mark.parametrize(
+        ("sent", "apart"),
+        [
+            ([(2, "odom", x, 0.0) for x in (0.0, -0.3, 0.0, 0.5)], "0.8 m and 0 degrees"),
+            ([(2, "odom", x, 0.0) for x in (0.0, -0.0009, 0.0009)], "0.0018 m and 0 degrees"),
+            ([(2, "map", 5.0, 0.0), (2, "odom", 0.0, 0.0), (2, "odom", 0.3, 0.0)], "0.3 m and 0 degrees"),
+            ([(2, "odom", 0.0, 0.0), (2, "map", 5.0, 0.0), (2, "odom", 0.3, 0.0)], "0.3 m and 0 degrees"),
+        ],
+    )
+    def test_each_two_poses_at_one_stamp_are_compared(self, sent, apart):
+        assert self.found_in(sent) == [f"{self.AT_ONE} {apart} apart, first at 2.000 s: lookups mix them"]
+
+    AT_ONE = "values: base in odom has different poses at 1 stamp, up to"
+
+    @staticmethod
+    def found_in(sent):
+        """What is found at equal stamps of these: second, parent, x, half of the yaw."""
         buffer = BufferCore()
         for second, parent, x, turn in sent:
             moved = TransformStamped(child_frame_id="base")
@@ -535,9 +556,7 @@ class TestRecords:
             moved.transform.translation.x = x
             moved.transform.rotation.z, moved.transform.rotation.w = np.sin(turn), np.cos(turn)
             buffer.set_transform(moved, "/tf")
-        found = [line_of(one) for one in received([]).of_equal_stamps(buffer.histories().values())]
-        said = f"values: base in odom has different poses at 1 stamp, up to {apart} apart, first at 2.000 s"
-        assert found == ([f"{said}: lookups mix them"] if apart else [])
+        return [line_of(one) for one in received([]).of_equal_stamps(buffer.histories().values())]
 
 
 def random_traffic(generator):

@@ -421,20 +421,20 @@ class Received:
         """Find dynamic frames with poses that differ at one stamp."""
         for one in histories:
             stamps, name = one.stamps_ns, printable(one.frame)
-            first = stamps.searchsorted(stamps)
-            others = np.flatnonzero((first < np.arange(len(stamps))) & (stamps != 0))
-            others = others[one.parents[others] == one.parents[first[others]]]
-            away = np.linalg.norm(one.translations[others] - one.translations[first[others]], axis=1)
-            cosines = np.abs((one.rotations[others] * one.rotations[first[others]]).sum(axis=1))
+            first, other = _of_equal(stamps)
+            may_differ = (stamps[first] != 0) & (one.parents[first] == one.parents[other])
+            first, other = first[may_differ], other[may_differ]
+            away = np.linalg.norm(one.translations[other] - one.translations[first], axis=1)
+            cosines = np.abs((one.rotations[other] * one.rotations[first]).sum(axis=1))
             turned = np.degrees(2.0 * np.arccos(np.minimum(cosines, 1.0)))
             is_wide = (away >= POSES_APART_M) | (turned >= POSES_APART_DEGREES)
             if is_wide.any():
-                wide = others[is_wide]
-                parent, at = one.parents.item(wide[0]), counted(len(np.unique(stamps[wide])), "stamp")
+                wide = first[is_wide]
+                parent, at = one.parents.item(wide.min()), counted(len(np.unique(stamps[wide])), "stamp")
                 apart = f"{three_digits(away[is_wide].max())} m and {three_digits(turned[is_wide].max())}"
                 text = (
                     f"{name} in {printable(parent)} has different poses at {at}, up to {apart} degrees"
-                    f" apart, first at {stamps[wide[0]] / S:.3f} s: lookups mix them"
+                    f" apart, first at {stamps[wide].min() / S:.3f} s: lookups mix them"
                 )
                 yield Finding("values", one.frame, text)
 
@@ -466,6 +466,19 @@ class Received:
                 how, so = hows[way]
                 what = f"the stamps of {first_names(sorted(frames))} {how}{times} by {span(size_ns / S)}"
                 yield Finding("clock", "", f"{what}, {self.when(at_ns)}: {so}", tuple(sorted(frames)))
+
+
+def _of_equal(stamps: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Find where ascending stamps are equal, as pairs; a buffer keeps few samples of one stamp."""
+    first: NDArray[np.intp] = np.arange(len(stamps))
+    firsts, others = [first[:0]], [first[:0]]
+    while len(first):
+        distance = len(firsts)
+        first = first[: first.searchsorted(len(stamps) - distance)]
+        first = first[stamps[first] == stamps[first + distance]]
+        firsts.append(first)
+        others.append(first + distance)
+    return np.concatenate(firsts), np.concatenate(others)
 
 
 def _jumps_of(

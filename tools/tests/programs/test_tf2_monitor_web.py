@@ -6,12 +6,15 @@ import asyncio
 import os
 import signal
 import socket
+import subprocess
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from http.client import HTTPException
 from pathlib import Path
 from urllib.error import HTTPError
 
 import pytest
+from processes import killed
 from starting_programs import broadcasting, ended, free_port, running
 from waiting import DEADLINE_S, until
 
@@ -198,6 +201,37 @@ def test_the_end_of_the_server_ends_all_tabs(number, times):
         _, err = server.communicate(timeout=DEADLINE_S)
         until(lambda: have_ended(tabs))
     assert (server.returncode, err) == (-number if number == signal.SIGKILL else 0, "")
+
+
+IS_INTERRUPTED_IN_A_REQUEST = """
+import os, signal, sys
+from tf2_ros_tools.common.options import Parser
+from tf2_ros_tools.common.program import run
+from tf2_ros_tools.pictures.monitor_page import serve
+
+class Title(str):
+    def replace(self, *parts):  # by the page, which escapes it
+        os.kill(os.getpid(), int(sys.argv[2]))
+        return super().replace(*parts)
+
+def work(_):
+    serve("127.0.0.1", int(sys.argv[1]), "false", Title("robot"))
+
+sys.exit(run(Parser(prog="serves", description="", example=""), work, ["serves"], interrupted=0))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_during_a_request_ends_the_server_in_silence(number):
+    port = free_port()
+    words = [sys.executable, "-c", IS_INTERRUPTED_IN_A_REQUEST, str(port), str(int(number))]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(words, **pipes) as server, killed(server):
+        server.stdout.readline()
+        with suppress(OSError, HTTPException):
+            page_at(f"http://127.0.0.1:{port}")
+        _, err = server.communicate(timeout=DEADLINE_S)
+    assert (server.returncode, err) == (0, "")
 
 
 def test_what_c_code_prints_does_not_disturb_the_screen(peer):

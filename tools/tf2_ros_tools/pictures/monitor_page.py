@@ -111,7 +111,19 @@ class _Page(Server):
         return app
 
     async def on_startup(self, app: web.Application) -> None:
-        """Print no banner."""
+        """Let signals interrupt between requests, not in one, which would be reported. Print no banner."""
+        loop = asyncio.get_running_loop()
+        handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+        def interrupt(number: int) -> None:
+            for one in handlers:
+                loop.remove_signal_handler(one)
+            for one, handler in handlers.items():
+                signal.signal(one, handler)
+            signal.raise_signal(number)
+
+        for number in handlers:
+            loop.add_signal_handler(number, interrupt, number)
 
     async def on_shutdown(self, app: web.Application) -> None:
         """End the processes of all tabs, for which aiohttp would wait for a minute."""

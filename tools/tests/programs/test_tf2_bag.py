@@ -449,6 +449,28 @@ def test_check_finds_stamps_that_jump_and_stamps_with_two_poses(run, jump, kind,
     assert (status, f"{kind}: {said}" in out) == (1, True)
 
 
+@pytest.mark.parametrize(
+    ("behind", "said"),
+    [
+        ({"base": 0, "lidar": 0, "arm": 10}, "clocks: the stamps of arm by /tf are 10 hours behind"),
+        ({"base": 0, "arm": 10}, "clocks: the stamps of arm by /tf are 10 hours behind"),
+        ({"base": 10, "lidar": 10, "arm": 0}, "clocks: the stamps of base, lidar by /tf are 10 hours behind"),
+        ({"base": 10, "lidar": 10, "arm": 10}, "no problems"),
+    ],
+)
+def test_check_finds_frames_of_two_clocks(run, behind, said, tmp_path):
+    """Also if most frames, or all but one, are of a simulation, whose clock is not that of the log times."""
+    hour = 3600 * S
+    sent = [
+        Sent(500 * hour + i * S, "/tf", [Tf(parent, child, (500 - behind[child]) * hour + i * S)])
+        for i in range(6)
+        for parent, child in (("map", "base"), ("base", "lidar"), ("base", "arm"))
+        if child in behind
+    ]
+    status, out, _ = run("check", write_mcap(tmp_path / "run.mcap", sent))
+    assert (status, said in out) == (int(said != "no problems"), True)
+
+
 def in_frame(name, topic, ros=2):
     """A scan whose header names this frame."""
     one = scan(100 * S, 100 * S, topic, ros)

@@ -16,7 +16,7 @@ from contextlib import nullcontext
 import pytest
 from calls_in_threads import at_once
 from helper_threads import let_helper_threads_finish
-from processes import output_of, start
+from processes import output_of, run, start
 from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
@@ -62,6 +62,17 @@ future = buffer.wait_for_transform_async("map", "robot", 0, timeout=0.01)
 while not future.done():
     time.sleep(0.01)
 print("ended")
+"""
+# What `logging` keeps, keeps the names of the program until Python has cleared those of other modules.
+DROPS_AN_ERROR_LATE = """
+import logging, time
+from tf2_ros import Buffer
+
+make = logging.getLogRecordFactory()
+logging.setLogRecordFactory(lambda *about: make(*about))
+future = Buffer().wait_for_transform_async("map", "robot", 0, timeout=0.01)
+while not future.done():
+    time.sleep(0.01)
 """
 ENDED = r"The context was shut down, which ended the wait for the transform after [\d.]+ s"
 
@@ -294,6 +305,12 @@ class TestEndOfTheWait:
         asyncio.run(main())
         gc.collect()
         assert "never retrieved" not in capfd.readouterr().err
+
+    def test_an_error_that_python_drops_at_its_very_end_is_printed(self):
+        done = run(sys.executable, "-c", DROPS_AN_ERROR_LATE)
+        [line] = done.stderr.splitlines()
+        assert done.returncode == 0
+        assert line.startswith("The following exception was never retrieved: Waited 0.01 s for the transform")
 
     def test_a_completed_future_does_not_keep_the_buffer(self, tf2_ros):
         buffer = tf2_ros.Buffer()

@@ -18,6 +18,7 @@ from tf2_ros_cython import _ros_presence
 if _ros_presence.HAS_ROS:
     from tf2_ros._rclpy import wakes_executor
 
+cdef object SYS = sys  # when Python ends, it clears the names of this module before some futures are gone
 cdef tuple STATES = ("pending", "queued", "running", "done", "cancelled")
 
 
@@ -137,7 +138,7 @@ cdef class PendingFuture(Pending):
 
     def __del__(self):
         if self._state == DONE and self._error is not None and not self._is_fetched:
-            print(f"The following exception was never retrieved: {self._error}", file=sys.stderr)
+            print(f"The following exception was never retrieved: {self._error}", file=SYS.stderr)
 
     def done(self):
         """Whether it has a result or an exception."""

@@ -686,6 +686,20 @@ class TestIterating:
             assert asyncio.run(self.seconds(iteration)) == [(1, 0.0)]
         assert asyncio.run(self.seconds(filter)) == []
 
+    @pytest.mark.parametrize("waits", [False, True])
+    def test_the_transform_is_into_the_first_frame_at_the_stamp(self, tf2_ros, node, buffer, waits):
+        frames = ["map", "odom"]
+        with tf2_ros.MessageFilter(None, buffer, frames, 0, node=node, tolerance=1) as filter:
+            iteration = filter.__aiter__()
+            if waits:
+                filter.add(point("1"))
+            for second in (1, 2):
+                insert(buffer, second, "odom", "lidar", x=second)
+                insert(buffer, second, "map", "odom", x=10)
+            if not waits:
+                filter.add(point("1"))
+        assert asyncio.run(self.seconds(iteration)) == [(1, 11.0)]
+
     def test_a_cancelled_step_loses_nothing(self, filter):
         async def main():
             iteration = filter.__aiter__()

@@ -332,6 +332,28 @@ def test_a_timeout_counts_from_the_beginning_of_an_await(tf2_ros, buffer, node):
     assert time.monotonic() - began >= 1
 
 
+def test_answers_that_become_stale_before_it_continues_do_not_prolong_an_await(tf2_ros, buffer, node):
+    async def follow():
+        answer = asyncio.ensure_future(buffer.lookup_transform_async(*ROBOT, max_age=0.5, timeout=0.3))
+        await asyncio.sleep(0)
+        seconds = 200
+        while not answer.done() and time.monotonic() < began + DEADLINE_S:
+            simulate(node, seconds=seconds)
+            insert(buffer, "map", "odom", seconds)
+            insert(buffer, "odom", "base", seconds)  # which completes it
+            simulate(node, seconds=seconds + 10)
+            while not (buffer.statistics()["waiters"] or answer.done()):
+                await asyncio.sleep(0)
+            await asyncio.sleep(0.01)  # the rate of the transforms
+            seconds += 20
+        assert answer.done()
+        await answer
+
+    began = time.monotonic()
+    with pytest.raises(tf2_ros.TimeoutException, match=r"^Waited 0\.3 s"):
+        asyncio.run(follow())
+
+
 def test_at_the_timeout_the_error_describes_what_is_stale_then(tf2_ros, buffer, node):
     pending = buffer.wait_for_transform_async(*ROBOT, max_age={"odom": 0.5, "base": 0.5}, timeout=1)
     insert(buffer, "odom", "base", 100)

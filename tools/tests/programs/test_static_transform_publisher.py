@@ -17,7 +17,7 @@ from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros_tools.common.program import RunError, UsageError
-from tf2_ros_tools.common.static_transforms import read_file
+from tf2_ros_tools.common.static_transforms import normalize, read_file
 from tf2_ros_tools.programs import tf2_bag
 from tf2_ros_tools.programs.static_transform_publisher import PARSER, transforms_of
 from tf2_ros_tools.recordings.bag_loader import static_transforms
@@ -73,6 +73,17 @@ def test_what_a_command_line_asks_for_is_published(line, node, executor, tmp_pat
     assert found == [("map", "robot"), ("robot", "camera")][: len(found)]
     moved, turn = (pytest.approx(part, abs=1e-12) for part in wanted)
     assert (translation(messages[0].transforms[0]), rotation(messages[0].transforms[0])) == (moved, turn)
+
+
+@pytest.mark.parametrize(
+    ("length", "accepts"), [(0.9945, False), (0.9955, True), (1.0045, True), (1.0055, False)]
+)
+def test_a_rotation_is_normalized_if_tf2s_buffer_would_refuse_it(length, accepts):
+    """In C++, tf2 compares the square of the length with 1 ± 0.01."""
+    options = PARSER.read([NAME, *FRAMES, "--qw", str(length)])
+    [one] = transforms_of(options)
+    assert normalize(one) == (None if accepts else pytest.approx(length))
+    assert rotation(one) == pytest.approx((0, 0, 0, length if accepts else 1.0), abs=1e-12)
 
 
 @pytest.mark.parametrize("line", ["--frame-id /map --child-frame-id map", "0 0 0 0 0 0 map /map"])

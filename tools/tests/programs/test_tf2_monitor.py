@@ -9,6 +9,10 @@ import pytest
 from starting_programs import broadcasting, running
 from waiting import until, until_told
 
+from tf2_ros_tools.diagnosis.stream_statistics import Stream
+from tf2_ros_tools.listening.session import Report
+from tf2_ros_tools.programs.tf2_monitor import _as_of_tf2
+
 # Without the robot of the other tests.
 ALONE = ("-r", "/tf:=/tf_alone", "-r", "/tf_static:=/tf_static_alone")
 
@@ -85,3 +89,12 @@ def test_a_pipe_gets_problems_after_all_of_that():
     )
     silence = "no transform was received on /tf_alone and /tf_static_alone in ROS domain"
     assert re.fullmatch(rf"{silence} \d+\n", lines[-1])
+
+
+def test_the_delay_of_a_node_is_the_mean_of_all_its_transforms():
+    streams = [
+        Stream(frame, "map", "/robot", 0, False, count, rate, delay, delay + 1, delay, *5 * [0.0], None)
+        for frame, count, rate, delay in (("base", 9, 10.0, 0.5), ("gps", 1, 1.5, 4.5))
+    ]
+    lines = [*_as_of_tf2(Report(0.0, streams, [], [], None, 10))]
+    assert lines[-1] == "Node: /robot 10 Hz, Average Delay: 0.9 Max Delay: 5.5"

@@ -347,13 +347,14 @@ def test_a_frame_on_both_topics_stays_on_both(rewrite, tmp_path):
     assert ("/tf", 101 * S + 1, "map", "gps") in transforms_of(written)
 
 
-def test_files_of_a_folder_share_channels(rewrite, tmp_path):
+def test_files_of_a_folder_share_channels_and_metadata(rewrite, tmp_path):
     """Also if their ids differ; and transforms that are alone in the first file."""
     sent = run_of(*SCANS, *TEXTS)
     path = write_split(tmp_path / "run", sent[:2] + sent[::-1][:-2])
     (tmp_path / "own.yaml").write_text(CALIBRATION)
-    channels, *_ = _about(rewrite(path, "--statics", tmp_path / "own.yaml")[0])
+    channels, _, metadata, _ = _about(rewrite(path, "--statics", tmp_path / "own.yaml")[0])
     assert sorted(topic for topic, *_ in channels) == ["/scan", "/text", "/tf", "/tf_static"]
+    assert [one.name for one in metadata] == ["rosbag2"]  # each file has its own
 
 
 @pytest.mark.parametrize("form", ["mcap", "db3"])

@@ -770,6 +770,16 @@ def test_poses_become_transforms(rewrite, tmp_path):
     assert len([one for one in messages_of(written) if one[0] == "/gps/pose"]) == 3
 
 
+def test_what_becomes_transforms_goes_to_the_topic_of_its_robot(rewrite, tmp_path):
+    robots = [one for robot in ("/r", "/r1", "/r10") for one in drive(3, prefix=robot)]
+    path = in_mcap(tmp_path / "run", [*robots, posed(100 * S, 1.0, "/r1/gps/pose", STAMPED)])
+    prefixes = [part for one in ("r10", "r", "r1") for part in ("--topic", f"/{one}/tf={one}/")]
+    written, _ = rewrite(path, *prefixes, "--poses", "/r1/gps/pose=map,gps")
+    assert [one for one in transforms_of(written) if one[3].endswith("gps")] == [
+        ("/r1/tf", 100 * S, "r1/map", "r1/gps")
+    ]
+
+
 def test_joints_become_transforms_unless_they_have_some(rewrite, tmp_path):
     names = ["lift", "roll", "extend"]
     states = [joint_state(100 * S + i * S, names, [0.1 * i] * 3) for i in range(3)]

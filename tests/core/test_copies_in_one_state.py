@@ -101,12 +101,13 @@ def test_a_copy_within_a_copy_is_of_its_own_moment():
     inner = []
 
     def write(buffer):
-        insert("map", "odom", 180)(buffer)
+        # The outer copy still reads what these end.
+        insert("map", "odom", 180, 200, 220)(buffer)
         inner.append(image_of(buffer))
-        insert("map", "odom", 110, *range(181, 300))(buffer)
+        insert("map", "odom", *range(221, 400, 2), 350)(buffer)
 
     assert image_during(buffer, write) == image_of(twin)
-    insert("map", "odom", 180)(twin)
+    insert("map", "odom", 180, 200, 220)(twin)
     assert inner == [image_of(twin)]
 
 

@@ -77,6 +77,22 @@ class TestWaitsOfTheParent:
         assert [wait.take() is not None for wait in waits] == [True, False, True]
         assert len(answers) == 1
 
+    def test_a_child_waits_for_the_same_data(self, core):
+        """A wait for data of a known frame is filed at that frame."""
+        answers, own_answers = [], []
+        wait = core._wait("map", "robot", at(2.5), notify=answers.append)
+
+        def wait_and_insert():
+            own = core._wait("map", "robot", at(2.5), notify=own_answers.append)
+            core.set_transform(transform("map", "robot", 3), "child")
+            core._self_check()
+            assert (len(answers), len(own_answers)) == (0, 1)
+            assert wait.take() is None and not own.cancel()
+
+        assert in_a_child(wait_and_insert) == 0
+        core.set_transform(transform("map", "robot", 3), "me")
+        assert (len(answers), len(own_answers)) == (1, 0)
+
     def test_a_child_that_one_of_them_makes_does_not_tell_the_others(self, core):
         def split_and_tell():
             child, told = None, []

@@ -132,6 +132,15 @@ def test_any_number_of_times(buffer):
         check(buffer, "map", "hand", times)
 
 
+def test_at_the_oldest_stamp_the_first_of_equal_samples_answers_after_any_other_time(tf2_ros):
+    """Directly after that stamp, the last of them does."""
+    buffer = tf2_ros.Buffer()
+    for ns, x in ((S, 0), (S, 1), (S + 10, 2)):
+        buffer.set_transform(transform("map", "odom", ns=ns, xyz=(x, 0, 0)), "x")
+    for times in permutations([S, S + 1, S + 9, S + 10]):
+        check(buffer, "map", "odom", times)
+
+
 # What times may be.
 
 NS = [2 * S + 30_000_000, 3 * S, 4 * S]

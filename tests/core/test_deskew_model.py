@@ -367,6 +367,7 @@ def swept(
     :param lacking: the points that have no y.
     :param samples: the ns after the first point, and the x of the lidar, which turns by 0.02 rad/m.
     :param after_ns: from the stamp to the first point.
+    :param xyz: the type of the coordinates; all else has the same byte order.
     :param rows: they are followed by 7 bytes each.
     """
     dice = np.random.default_rng(1)
@@ -375,8 +376,8 @@ def swept(
         q = product((0.5, 0.5, 0.5, 0.5), (0, 0, math.sin(x / 100), math.cos(x / 100)))
         moved = transform("world", "lidar", ns=stamp + after_ns + ns, xyz=(x, 2, 3), xyzw=q)
         motion.buffer.set_transform(moved, "x")
-    parts = [*((axis, xyz) for axis in "xyz"), *((axis, "<f4") for axis in others)]
-    points = np.zeros(400, [*parts, (field[0], "<" + field[1])])
+    parts = [*((axis, xyz) for axis in "xyz"), *((axis, xyz[0] + "f4") for axis in others)]
+    points = np.zeros(400, [*parts, (field[0], xyz[0] + field[1])])
     for axis in (*"xyz", *others):
         points[axis] = dice.uniform(-100, 100, 400) if axis in "xyz" else dice.uniform(-1, 1, 400)
     points[field[0]] = numbers_of(field, stamp, after_ns + np.linspace(0, SWEEP, 400).astype(np.int64))
@@ -409,6 +410,8 @@ EXAMPLES = [
         for field, number in ((LIVOX, 0.0), (HESAI, NS))
     ),
     *(swept(LIVOX, xyz=xyz, stamp=100 * S) for xyz in ("<f4", "<f8")),
+    # The last point would be after the data if times since 1970 were rounded.
+    *(swept(field, xyz=">f4") for field in (LIVOX, HESAI)),
     *(swept(field, range(n), number) for n in (50, 300) for field, number in ((LIVOX, 0.0), (HESAI, NS))),
     swept(HESAI, range(300), 1e30),
     # Between two doubles of seconds, the lidar moves by 0.7 mm.

@@ -186,6 +186,7 @@ DOUBTFUL = re.compile(
     rf"|(?<![a-z])((is)?ok|bad|(in|out)lier|date|doy|utc|(sec(ond)?|day|week|month|year)s?|{TIME_UNIT})(?![a-z])"
     r"|^\W*(child|parent|source|robot|(rigid_?)?body|agent|device|object|vehicle)(_frame)?(_id|_name)?\W*$|frame_id"
 )
+ANGLE = re.compile(r"roll|pitch|yaw|theta|euler|heading")
 IN_BRACKETS = re.compile(r"[\[(].*?[\])]")
 EXAMPLE, MORE = "timestamp x y z qx qy qz qw", "..."
 
@@ -219,7 +220,7 @@ def columns_of(columns: str) -> Layout:
     for name in names:
         if name != "-" and not NAMES.fullmatch(name.lower()):
             like = f"names like {EXAMPLE}, or - for a column that is not needed, or {MORE} at the end"
-            raise ValueError(f"columns: expected {like}, got {_quoted(name)}")
+            raise ValueError(f"columns: expected {like}, got {_quoted(name)}{_advice_on_angles(name)}")
     try:
         return _layout(names, TUM)._replace(has_more=has_more)
     except ValueError as error:
@@ -235,12 +236,18 @@ def _layout(names: Sequence[str], needed: Roles) -> Layout:
     roles = [STAMP if is_split and one == SECONDS else one for one in roles]
     for role in (*needed, *{NANOSECONDS, VALID}.intersection(roles)):
         if (count := roles.count(role)) != 1:
-            raise ValueError(f"expected one column for {role}, got {count or 'none'}")
+            advice = _advice_on_angles(*names)
+            raise ValueError(f"expected one column for {role}, got {count or 'none'}{advice}")
     places = tuple(map(roles.index, needed))
     is_euroc = " ".join(names).startswith(EUROC)
     unit = UNIT.search("_s" if is_split else names[places[0]] + "_ns" * is_euroc)
     rest, valid = (roles.index(one) if one in roles else None for one in (NANOSECONDS, VALID))
     return Layout(len(names), places, unit and UNITS[unit[1]], rest, valid)
+
+
+def _advice_on_angles(*names: str) -> str:
+    has_angle = any(ANGLE.search(one.lower()) for one in names)
+    return "; poses with angles must be passed to `bag.Trajectory` as arrays" * has_angle
 
 
 def _of_heading(heading: str, separator: str | None, first: Sequence[str], needed: Roles) -> Layout:
@@ -363,8 +370,10 @@ class _Rows:
     def _is_title(self, text: str) -> bool:
         """Whether the first line has the names of columns: letters, and no field begins like a number."""
         fields = text.split(self._separator)
-        is_wide = len(fields) >= self.layout.width
-        return is_wide and any(map(str.isalpha, text)) and not any(map(LIKE_NUMBER.match, fields))
+        if not any(map(str.isalpha, text)) or any(map(LIKE_NUMBER.match, fields)):
+            return False
+        # Names between commas are a heading even if some are missing: its error says which.
+        return len(fields) >= self.layout.width or (not self._given and self._separator in (",", ";"))
 
     def _begin(self, first: Sequence[str]) -> None:
         """Find the layout, with the fields of the first row."""

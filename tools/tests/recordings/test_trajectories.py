@@ -290,6 +290,7 @@ def test_stamps_that_count_from_a_start_get_it(path, tmp_path):
     relative = kitti(tmp_path, times - begin_ns, matrices)
     advice = (
         "but the odometry begins at 1700000000.000000005 s; if they count from a start, pass it as `start`"
+        " or --trajectory-start; if they are in another unit, name it, as in `timestamp_us`$"
     )
     for on_missing in ("raise", "skip"):
         with pytest.raises(bag.BagError, match=f"poses.txt: its stamps end at 9.012345678 s, {advice}"):

@@ -328,7 +328,7 @@ class Keyframes:
                 raise BagError(
                     f"{poses.name}: its stamps end at {_seconds(last_ns)}, but the odometry begins at"
                     f" {_seconds(begin_ns)}; if they count from a start, pass it as `start` or"
-                    " --trajectory-start"
+                    " --trajectory-start; if they are in another unit, name it, as in `timestamp_us`"
                 )
 
     def _refuse_outside(self, buffer: BufferCore, poses: StampedPoses, none: str) -> None:

@@ -381,7 +381,8 @@ def test_a_parent_that_nobody_knows_is_reported(rewrite, tmp_path):
     _, err = rewrite(
         in_mcap(tmp_path / "run", run_of()), "--statics", tmp_path / "own.yaml", "--prefix", "r1/"
     )
-    assert "no recorded transform has base, the parent of a new static one" in err
+    text = "no recorded transform has base, the parent of a new static one"
+    assert f"{text}; `statics` has the new names of frames" in err
 
 
 def test_a_loop_of_recorded_and_new_static_transforms_is_reported(rewrite, tmp_path):
@@ -471,7 +472,7 @@ def test_a_compressed_recording_of_ros_1_becomes_one_of_ros_2(rewrite, tmp_path,
     ("arguments", "kind", "text"),
     [
         ((), UsageError, "nothing to change"),
-        (("--drop", "camra"), RunError, "there is no frame camra; did you mean camera?"),
+        (("--drop", "camra"), RunError, r"there is no frame camra with transforms; did you mean camera\?$"),
         (("--drop", "odom,camera"), RunError, "camera has no transforms in odom"),
         (("--rename", "camra=x"), RunError, "there is no frame camra; did you mean camera?"),
         (("--rename", "odom=base"), RunError, "the frames odom and base, .* would both be base"),

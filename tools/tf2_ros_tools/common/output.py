@@ -48,11 +48,11 @@ def first_names(names: Sequence[str]) -> str:
     return f"{', '.join(map(printable, names[:MOST_NAMES]))}{more}"
 
 
-def not_known(name: str, known: Collection[str]) -> str:
-    """Say that a frame is unknown, and suggest similar names."""
+def not_known(name: str, known: Collection[str], kind: str = "") -> str:
+    """Say that a frame, or one of this ``kind``, is unknown, and suggest similar names."""
     near = get_close_matches(name, known, n=3)
     advice = f"; did you mean {' or '.join(near)}?" if near else ""
-    return printable(f"there is no frame {name}{advice}")
+    return printable(f"there is no frame {name}{kind and f' {kind}'}{advice}")
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes | memoryview) -> None:

@@ -575,15 +575,16 @@ class _Rewriting:
         for parent, child in self._edits.dropped:
             if (parent, child) not in self._used:
                 if child not in self._frames or parent is None:
-                    raise BagError(f"{name}: {not_known(child, self._frames)}, or it has no transforms")
+                    raise BagError(f"{name}: {not_known(child, self._frames, 'with transforms')}")
                 raise BagError(f"{name}: {printable(child)} has no transforms in {printable(parent)}")
 
     def notes(self) -> Iterator[str]:
         """Say which new transforms are not connected, and which topics name frames as before."""
+        changed: set[str] = set().union(*(one.changed for one in self._names.values()))
         parents = {one.header.frame_id for one in self._given.values()} - self._known - {*self._given}
         if self._known and parents:
-            yield f"no recorded transform has {listed(parents)}, the parent of a new static one"
-        changed: set[str] = set().union(*(one.changed for one in self._names.values()))
+            advice = "; `statics` has the new names of frames" if parents & changed else ""
+            yield f"no recorded transform has {listed(parents)}, the parent of a new static one{advice}"
         described = [
             topic
             for topic in self._recorded.topics

@@ -19,6 +19,7 @@ NEEDS_DDS = pytest.mark.skipif(find_spec("cyclonedds") is None, reason="cycloned
         pytest.param(
             {"where": "dds://robot"}, "give the robot's address as dds://.peers=192.168.0.7", marks=NEEDS_DDS
         ),
+        pytest.param({"where": "dds://5"}, "^dds://5: .*, and its domain in ROS_DOMAIN_ID$", marks=NEEDS_DDS),
         pytest.param(
             {"where": "dds://?peer=x"}, "unknown option 'peer'; dds:// accepts peers", marks=NEEDS_DDS
         ),

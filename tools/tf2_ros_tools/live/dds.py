@@ -98,7 +98,8 @@ class DdsWire:
 
     def __init__(self, address: Address) -> None:
         if address.host or address.port:
-            raise ValueError(f"{address.where}: give the robot's address as dds://?peers=192.168.0.7")
+            expected = "give the robot's address as dds://?peers=192.168.0.7, and its domain in ROS_DOMAIN_ID"
+            raise ValueError(f"{address.where}: {expected}")
         refuse_options(address, "peers")
         self._address = address
         self._domain: Domain | None = None  # all else in it ends with it

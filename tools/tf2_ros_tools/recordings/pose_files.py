@@ -220,7 +220,7 @@ def columns_of(columns: str) -> Layout:
     for name in names:
         if name != "-" and not NAMES.fullmatch(name.lower()):
             like = f"names like {EXAMPLE}, or - for a column that is not needed, or {MORE} at the end"
-            raise ValueError(f"columns: expected {like}, got {_quoted(name)}{_advice_on_angles(name)}")
+            raise ValueError(f"columns: expected {like}, got {_quoted(name)}")
     try:
         return _layout(names, TUM)._replace(has_more=has_more)
     except ValueError as error:
@@ -236,18 +236,13 @@ def _layout(names: Sequence[str], needed: Roles) -> Layout:
     roles = [STAMP if is_split and one == SECONDS else one for one in roles]
     for role in (*needed, *{NANOSECONDS, VALID}.intersection(roles)):
         if (count := roles.count(role)) != 1:
-            advice = _advice_on_angles(*names)
+            advice = "; poses with angles must be arrays" * any(map(ANGLE.search, names))
             raise ValueError(f"expected one column for {role}, got {count or 'none'}{advice}")
     places = tuple(map(roles.index, needed))
     is_euroc = " ".join(names).startswith(EUROC)
     unit = UNIT.search("_s" if is_split else names[places[0]] + "_ns" * is_euroc)
     rest, valid = (roles.index(one) if one in roles else None for one in (NANOSECONDS, VALID))
     return Layout(len(names), places, unit and UNITS[unit[1]], rest, valid)
-
-
-def _advice_on_angles(*names: str) -> str:
-    has_angle = any(ANGLE.search(one.lower()) for one in names)
-    return "; poses with angles must be passed to `bag.Trajectory` as arrays" * has_angle
 
 
 def _of_heading(heading: str, separator: str | None, first: Sequence[str], needed: Roles) -> Layout:
@@ -370,10 +365,9 @@ class _Rows:
     def _is_title(self, text: str) -> bool:
         """Whether the first line has the names of columns: letters, and no field begins like a number."""
         fields = text.split(self._separator)
-        if not any(map(str.isalpha, text)) or any(map(LIKE_NUMBER.match, fields)):
-            return False
         # Names between commas are a heading even if some are missing: its error says which.
-        return len(fields) >= self.layout.width or (not self._given and self._separator in (",", ";"))
+        is_wide = len(fields) >= self.layout.width or (not self._given and self._separator in (",", ";"))
+        return is_wide and any(map(str.isalpha, text)) and not any(map(LIKE_NUMBER.match, fields))
 
     def _begin(self, first: Sequence[str]) -> None:
         """Find the layout, with the fields of the first row."""
@@ -420,18 +414,15 @@ def _time_ns(value: float, fields: Sequence[str], layout: Layout) -> int:
         raise ValueError(f"the stamp {_shortened(text)} is not in seconds (name it timestamp_ns, _us or _ms)")
     if scale == UNITS["ns"] and not value.is_integer():
         raise ValueError(f"the stamp {_shortened(text)} is not in nanoseconds")
-    time_ns = LAST_NS + 1
-    if value * scale < LAST_NS + S:  # a float is not exact
-        time_ns = round(EXACT.multiply(EXACT.create_decimal(text), scale))
+    is_held = value * scale < LAST_NS + S  # about, because a float is not exact
+    time_ns = round(EXACT.multiply(EXACT.create_decimal(text), scale)) if is_held else LAST_NS + 1
     if layout.nanoseconds is not None:
         rest = fields[layout.nanoseconds]
         if not (value.is_integer() and WHOLE.fullmatch(rest) and int(rest) < S):
-            both = f"{_shortened(text)} and {_shortened(rest)}"
-            raise ValueError(f"expected whole seconds and less than 10^9 ns, got {both}")
+            raise ValueError(f"expected seconds and ns below 10^9, got {_shortened(f'{text} and {rest}')}")
         time_ns += int(rest)
     if time_ns > LAST_NS:
-        held = f"messages cannot hold {value * scale / S:g} s"
-        raise ValueError(f"the stamp {_shortened(text)} is too large: {held}")
+        raise ValueError(f"the stamp {_shortened(text)} is more than messages hold: {value * scale / S:g} s")
     return time_ns
 
 

@@ -4,6 +4,7 @@
 
 import pytest
 from cdr_encoder import encode
+from pickles_and_copies import image_of
 from times_and_transforms import S, transform
 
 from tf2_py import BufferCore
@@ -34,6 +35,16 @@ def test_a_publisher_is_recorded_instead_of_the_topic():
     assert recording.publishers() == [b"/tf_static", b"\x00\x01"]
     assert recording.take()["publisher"].tolist() == [0, 1, 1, 1, 1]
     assert "broadcaster: '/tf'" in buffer.all_frames_as_yaml()
+
+
+def test_messages_that_are_inserted_together_are_of_one_topic():
+    """Without a recording, several are."""
+    together, one_by_one = BufferCore(), BufferCore()
+    messages = [*MESSAGES, *MESSAGES]
+    insert_messages(together, messages, SOURCES)
+    for message in messages:
+        insert_messages(one_by_one, [message], SOURCES)
+    assert image_of(together) == image_of(one_by_one)
 
 
 def test_the_frames_of_each_topic_get_its_prefix():

@@ -22,3 +22,10 @@ def test_a_message_without_memory_delays_no_others(tmp_path):
     fault = {"TF2_TEST_MIDDLEWARE": "no_memory_once"}
     printed = output_with_library("faulty_middleware", tmp_path, program="takes_after_failure", **fault)
     assert printed == "received: second third\n"
+
+
+def test_what_is_reported_and_is_no_message_was_not_lost(tmp_path):
+    """Not even after a queue has overflowed."""
+    fault = {"TF2_TEST_MIDDLEWARE": "two_reports"}
+    printed = output_with_library("faulty_middleware", tmp_path, program="takes_after_overflow", **fault)
+    assert printed == "taken: 6, lost since the overflow: 0\n"

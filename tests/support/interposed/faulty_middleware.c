@@ -5,6 +5,7 @@
  * A middleware that cannot do everything. The environment variable TF2_TEST_MIDDLEWARE says what is wrong with it:
  *
  * - "no_arrivals": it does not report that a message has arrived;
+ * - "two_reports": it reports each message twice, as others also report what is no message;
  * - "no_gids": the publisher's gid that comes with a message is zero;
  * - "local_gids": that gid is not the one by which the graph knows the publisher;
  * - "no_times": the time at which a message was received is zero;
@@ -45,7 +46,20 @@ static void *function_of_rcl(const char *name)
     return dlsym(dlopen("librcl.so", RTLD_LAZY | RTLD_NOLOAD), name);
 }
 
-int rmw_subscription_set_on_new_message_callback(void *subscription, void *callback, const void *data)
+typedef void arrived(const void *, size_t);
+
+typedef struct {
+    arrived *callback;
+    const void *data;
+} reported;
+
+static void report_twice(const void *data, size_t count)
+{
+    const reported *to = data;
+    to->callback(to->data, 2 * count);
+}
+
+int rmw_subscription_set_on_new_message_callback(void *subscription, arrived *callback, const void *data)
 {
     if (has("no_arrivals")) {
         void (*set_error)(const char *, const char *, size_t);
@@ -53,8 +67,13 @@ int rmw_subscription_set_on_new_message_callback(void *subscription, void *callb
         set_error("not supported", __FILE__, __LINE__);
         return RMW_RET_UNSUPPORTED;
     }
-    int (*next)(void *, void *, const void *);
+    int (*next)(void *, arrived *, const void *);
     *(void **)&next = function_of_rcl(__func__);
+    if (has("two_reports") && callback) {
+        reported *to = malloc(sizeof *to); /* for ever, because a call may be running */
+        *to = (reported){callback, data};
+        return next(subscription, report_twice, to);
+    }
     return next(subscription, callback, data);
 }
 

@@ -48,7 +48,6 @@ cdef void _describe_hop(const Tree* tree, FrameId frame, bint is_down, int64_t t
 
 cdef int query_explain(const Tree* tree, const Query* query, Explained* out, Status* status) noexcept nogil:
     cdef QueryFrames frames
-    cdef Policy policy = query.policy
     cdef Path path
     cdef FrameId frame
     cdef bint is_down
@@ -57,12 +56,12 @@ cdef int query_explain(const Tree* tree, const Query* query, Explained* out, Sta
     status[0] = query_answer(tree, query, &out.transform, &out.stamp_ns)
     if status.code != STATUS_OK:
         return 0
-    policy.judges_age = False       # it was judged, and must not be again at a later moment
     query_find_frames(tree, query, &frames)
     out.time_ns = query.source_ns
     if out.time_ns == 0:
         walk_common_time(tree, frames.target, frames.source, &path, &out.time_ns)
-    walk_lookup(tree, frames.target, frames.source, query.source_ns, &policy, &path, &out.transform,
+    # Whether it is too old was judged above; at this later moment, that does not count.
+    walk_lookup(tree, frames.target, frames.source, query.source_ns, &query.policy, &path, &out.transform,
                 &out.stamp_ns)
     out.count = path.source_hops + path.target_hops
     out.hops = <Hop*>malloc((out.count + 1) * sizeof(Hop))
@@ -72,5 +71,5 @@ cdef int query_explain(const Tree* tree, const Query* query, Explained* out, Sta
     for i in range(out.count):
         is_down = i >= path.source_hops
         frame = path.target[out.count - 1 - i] if is_down else path.source[i]
-        _describe_hop(tree, frame, is_down, out.time_ns, &policy, &out.hops[i])
+        _describe_hop(tree, frame, is_down, out.time_ns, &query.policy, &out.hops[i])
     return 0

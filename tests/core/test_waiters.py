@@ -169,15 +169,15 @@ def together(*calls):
         ("? b12 c13 b13 d40", False),  # not on the path
     ],
 )
-def test_a_wait_until_its_data_is_refused_ends_then(buffer, script, ends):
-    got = []
+@pytest.mark.parametrize("is_downwards", [False, True])
+def test_a_wait_until_its_data_is_refused_ends_then(buffer, script, ends, is_downwards):
+    got, frames = [], ("a", "c" if "c" in script else "b")
+    if is_downwards:
+        frames = frames[::-1]
     for word in script.split():
         assert got == []
         if word == "?":
-            source = "c" if "c" in script else "b"
-            wait = buffer._wait(
-                "a", source, at(11), notify=lambda *given: got.append(given), until_refused=True
-            )
+            wait = buffer._wait(*frames, at(11), notify=lambda *given: got.append(given), until_refused=True)
         else:
             parent = {"b": "a", "c": "b", "d": "c"}[word[0]]
             buffer.set_transform(transform(parent, word[0], float(word[1:])), "test")

@@ -189,6 +189,23 @@ def test_a_wait_until_its_data_is_refused_ends_then(buffer, script, ends, is_dow
     assert buffer.statistics()["waiters"] == (not ends)
 
 
+@pytest.mark.parametrize("target_is_latest", [False, True])
+def test_a_wait_with_one_latest_time_may_lack_data_of_any_frame(buffer, target_is_latest):
+    """Two frames without a common time get one from either of them."""
+    buffer.set_transform_static(transform("map", "goal"), "x")
+    buffer.set_transform(transform("map", "odom", 1), "x")
+    buffer.set_transform(transform("odom", "base", 5), "x")
+    (target, target_time), (source, time) = ("goal", at(3)), ("base", at(0))
+    if target_is_latest:
+        (target, target_time), (source, time) = (source, time), (target, target_time)
+    told = []
+    wait = buffer._wait(target, source, time, "map", target_time, notify=told.append)
+    assert wait.take() is None and told == []
+    buffer.set_transform(transform("map", "odom", 6), "x")
+    buffer._self_check()
+    assert told == [wait.take()] and told[0].child_frame_id == source
+
+
 def test_waits_are_made_by_buffers_alone(buffer):
     cls = type(buffer._wait("map", "map", at(1)))
     with pytest.raises(TypeError):

@@ -237,6 +237,16 @@ class TestCancel:
         else:
             assert (status, result.error.error) == (GoalStatus.STATUS_CANCELED, TF2Error.TRANSFORM_ERROR)
 
+    def test_a_goal_that_has_ended_leaves_nothing(self, goal_client, server, buffer):
+        waiting = goal_client.send()
+        until(lambda: server._lookups)
+        goal_client.cancel(waiting)
+        goal_client.result_of(waiting)
+        goal_client.answer_to(timeout=NONE)  # an error
+        insert(buffer)
+        goal_client.answer_to()
+        until(lambda: not server._lookups)
+
 
 class TestEnd:
     @pytest.mark.parametrize("how", ["destroy", "destroy_node"])

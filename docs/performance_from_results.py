@@ -170,9 +170,10 @@ def sentences() -> Iterator[str]:
 
 
 def of_headline_and_frames() -> Iterator[str]:
-    """At which commits the lines of the first table were measured, and lookups beside a listener."""
-    commits = [re.findall(r"commit ([0-9a-f]+)", REPORT[name].remark)[0] for name in ("lookups", "calls")]
-    yield f"measured at commit {commits[0]}, those with a timeout at {commits[1]}"
+    """At which commit the lines of the first table were measured, and lookups beside a listener."""
+    sections = ("lookups", "calls", "receiving:cpu", "receiving:waits")
+    [commit] = {re.findall(r"commit ([0-9a-f]+)", REPORT[name].remark)[0] for name in sections}
+    yield f"measured at commit {commit}"
     online = REPORT["tf2_rs:online"].medians([OURS, PYTHON])
     took = _range([ours for ours, _ in online], "{:.2f}".format)
     ratios = _range([python / ours for ours, python in online], _rounded_down)
@@ -206,7 +207,7 @@ def of_headline() -> Table:
     yield "", "here", "Jazzy's `tf2_ros`", "Jazzy's tf2, called from C++"
     for what, lines, own, others in (
         ("a lookup of static frames, or at the latest time", recent, (OURS, KEPT), (PYTHON, CPP)),
-        ("a lookup with a timeout", timeouts, ("ours: call",), ("tf2_ros: call",)),
+        ("a lookup with a timeout, over 4 hops", timeouts, ("ours: call",), ("tf2_ros: call",)),
         ("a lookup at a past time", past, (OURS, KEPT), (PYTHON, CPP)),
         *(
             (what, list(REPORT[section].values()), (f"ours: {way}",), (f"tf2_ros: {way}",))

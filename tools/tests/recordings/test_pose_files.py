@@ -230,6 +230,9 @@ REFUSED = {
     "t x[cm] y z qx qy qz qw\n1 0 0 0 0 0 0 1\n": "line 2: .* expected one column for x, got none",
     f"{TUM} valid\n{ROW} 1\n": "line 2: valid: expected true or false, got '1'",
     f"id {TUM}\n1 {ROW}\n%2 {ROW}\n": "line 3: expected a row, or a comment after #, got '%2 1 2",
+    f"id {TUM}\n1 {ROW}\n//2 {ROW}\n": "line 3: expected a row, or a comment after #, got '//2 1 2",
+    f"##xyzwxyz\n{ROW}\n": "line 2: the comment '##xyzwxyz': ",
+    f"# stamp / s x y z wq xq yq zq\n{ROW}\n": "line 2: the comment ",
     # kapture's are inverses.
     "# timestamp, device_id, qw, qx, qy, qz, tx, ty, tz\n0, a, 1, 0, 0, 0, 2, 3, 4": "line 2: .*_id' may",
     f"hello world\n{ROW}\n": "line 1: expected 8 numbers, .*, got 2: 'hello world'; ",
@@ -307,6 +310,8 @@ REFUSED |= {
         "is_good",
         "status",
         "outlier",
+        "tracking_state",
+        "converged",
         "robot_id",
         "frame_id",
         "source",

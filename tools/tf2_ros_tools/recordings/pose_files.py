@@ -170,7 +170,7 @@ TIME_UNIT = r"[nuµm]s(ecs?)?|(nano|micro|milli)[a-z]+|min(utes?)?|hours?"
 LENGTH_UNIT = r"[cmk]m|(centi|milli|kilo)[a-z]+|inch(es)?|feet|foot|ft|yards?|miles?"
 LIKE_NAMES = {
     TUM: re.compile(
-        rf"(?<![a-z])([a-z]?w|q([a-z\d]?|vec|[qwxyz\d]*)|wxyz|xyzw|scalar|real|rot[wxyz]?|{TIME_UNIT}|{LENGTH_UNIT})(?![a-z\d])"
+        rf"(?<![a-z])([a-z]?w|[wxyz]q|q([a-z\d]?|vec|[qwxyz\d]*)|(xyz)?(wxyz|xyzw)|scalar|real|rot[wxyz]?|{TIME_UNIT}|{LENGTH_UNIT})(?![a-z\d])"
         r"|quat|rotation|orientation"
         # As many words as a row has numbers.
         r"|^\W*(\w+:\s*)?([a-z/][^\s,;|]*(\s*[\[(].*?[\])])?[\s,;|]+){7}[a-z/][^\s,;|]*$"
@@ -182,7 +182,8 @@ LIKE_NAMES = {
 }
 # Another column of a heading with such a name may be a part of the stamp, or select poses.
 DOUBTFUL = re.compile(
-    r"time|stamp|valid|success|fail|lost|good|track(ed|ing)|status|accept|reject|t_s$|^\W*(s|d?t)\W*$"
+    r"time|stamp|valid|success|fail|lost|good|track(ed|ing)|stat(e|us)|accept|reject|flag|quality|usable|ignore"
+    r"|skip|enabled|converged|healthy|initialized|has_pose|t_s$|^\W*(s|d?t|fix)\W*$"
     rf"|(?<![a-z])((is)?ok|bad|(in|out)lier|date|doy|utc|(sec(ond)?|day|week|month|year)s?|{TIME_UNIT})(?![a-z])"
     r"|^\W*(child|parent|source|robot|(rigid_?)?body|agent|device|object|vehicle)(_frame)?(_id|_name)?\W*$|frame_id"
 )
@@ -355,7 +356,7 @@ class _Rows:
                 return None
             self._begin(text.split(self._separator))
         fields = text.split(self._separator)
-        if text.startswith("%"):
+        if text.startswith(("%", "//")):
             raise ValueError(f"expected a row, or a comment after #, got {_quoted(text)}")
         if len(fields) != self.layout.width:
             what = f"{self.layout.width} columns" if self._given or self._heading else EXPECTED[self._needed]
@@ -363,9 +364,8 @@ class _Rows:
         return fields if self.layout.valid is None or _is_true(fields[self.layout.valid]) else None
 
     def _is_title(self, text: str) -> bool:
-        """Whether the first line has the names of columns: letters, and no field begins like a number."""
+        """Whether the first line has names of columns (between commas, maybe too few) and no number."""
         fields = text.split(self._separator)
-        # Names between commas are a heading even if some are missing: its error says which.
         is_wide = len(fields) >= self.layout.width or (not self._given and self._separator in (",", ";"))
         return is_wide and any(map(str.isalpha, text)) and not any(map(LIKE_NUMBER.match, fields))
 

@@ -56,6 +56,8 @@ TOLERANCES = {
     else 0.03
     for call in CALLS
 }
+# Names may collide in Python's cache of attributes with every seed, which costs 15 %.
+TOLERANCES["set_transform"] = 0.20
 # The share of a call's instructions that the interpreter executes differs between builds of Python.
 TOLERANCE_OTHER_PYTHON = 0.30
 # How far the reference's count may differ in the same build.

@@ -74,7 +74,8 @@ def _async_node_uses(*names: str) -> bool:
     """Whether the methods of ``AsyncNode`` use these; also before rclpy 10, which lacks the class."""
     if _BASE_NODE is Node:
         return True
-    from rclpy.experimental.async_node import AsyncNode  # rclpy exports it from Python 3.12 on
+    # rclpy 10 has it, and exports it from Python 3.12 on.
+    from rclpy.experimental.async_node import AsyncNode  # pyright: ignore[reportMissingImports]
 
     return assumptions.uses(AsyncNode, *names)
 

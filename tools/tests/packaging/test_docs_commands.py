@@ -69,11 +69,14 @@ def folder(tmp_path):
 
 @pytest.mark.parametrize("page", [pytest.param(page, id=page.name) for page in ALL_PAGES if started(page)])
 def test_the_commands_of_a_page_run(page, folder):
-    # All at once, because most of them listen.
+    # All at once, because most of them listen; but first those that write a recording, which others may read.
     frame = ["--frame-id", "base_link", "--child-frame-id", "robot"]
+    lines = started(page)
+    writing = [one for one in lines if one[1][1:2] == ["rewrite"]]
     with broadcasting(), running("static_transform_publisher", *frame), ExitStack() as ends:
-        for one in [Started(*line, folder, ends) for line in started(page)]:
-            one.end()
+        for some in (writing, [one for one in lines if one not in writing]):
+            for one in [Started(*line, folder, ends) for line in some]:
+                one.end()
 
 
 class Started:

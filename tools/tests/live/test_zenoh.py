@@ -409,6 +409,7 @@ if {forks}:
             pass
     else:
         robot.close()
+        os._exit(0)  # zenoh's exit handlers may wait in a child for a lock of the parent's threads
 """
 
 

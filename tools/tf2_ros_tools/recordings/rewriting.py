@@ -373,8 +373,9 @@ class _Rewriting:
         self._given = {stored_name(one.child_frame_id): one for one in edits.statics}
         if what.trajectory is not None and heard is not None:
             names = self._names_on(edits.topic(static=False))
-            self._refuse_other_odometry(what.trajectory.chain(heard.buffer), names)
-            self._moved = _Samples(names, *what.trajectory.played(heard.buffer))
+            history, odometry, moving = what.trajectory.played(heard.buffer)
+            self._refuse_other_odometry(odometry, names)
+            self._moved = _Samples(names, history, moving)
         self._sources = {} if heard is None else self._converters(heard)
         self._statics = {**self._given}  # with those recorded so far
         self._last: tuple[int, Item] | None = None  # message with dynamic transforms
@@ -388,14 +389,14 @@ class _Rewriting:
         if self._given:
             self._publish_statics()
 
-    def _refuse_other_odometry(self, chain: Collection[str], names: Names) -> None:
+    def _refuse_other_odometry(self, odometry: Collection[str], names: Names) -> None:
         """
         Refuse a trajectory if the transforms to the frame whose poses it has will be others than recorded.
 
         :raises BagError: so it is; the corrected transforms would not lead to these poses.
         """
         several = {child for parent, child in self._edits.dropped if parent is not None}
-        for frame in chain:
+        for frame in odometry:
             if frame in several or names.of(frame) in self._given:
                 raise BagError(
                     f"{printable(self._recorded.path)}: the trajectory is computed with the recorded"
@@ -525,10 +526,11 @@ class _Rewriting:
         """Rename the frames of a transform; return whether something has changed."""
         before = one.header.frame_id, one.child_frame_id
         parent, child = map(names.of, before)
-        self._known.update((stored_name(parent), stored_name(child)))
-        self._parents[stored_name(child)] = stored_name(parent)
-        self._children.setdefault(stored_name(child), set()).add(stored_name(before[1]))
-        if stored_name(parent) == stored_name(child) and len({*map(stored_name, before)}) == 2:
+        new_parent, new_child = map(stored_name, (parent, child))
+        self._known.update((new_parent, new_child))
+        self._parents[new_child] = new_parent
+        self._children.setdefault(new_child, set()).add(stored_name(before[1]))
+        if new_parent == new_child and len({*map(stored_name, before)}) == 2:
             both = " and ".join(before)
             text = f"the frames {both}, which a transform connects, would both be {parent}"
             self._recorded.malformed(topic, log_ns, ValueError(text))

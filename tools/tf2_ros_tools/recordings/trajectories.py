@@ -271,18 +271,19 @@ class Keyframes:
         of = f"{left_out} of the {counted(len(poses), 'pose')} in {self._name}"
         return [f"{of} {are} left out, because {' or '.join(reasons)}"]
 
-    def played(self, buffer: BufferCore) -> tuple[History, list[str]]:
+    def played(self, buffer: BufferCore) -> tuple[History, list[str], list[str]]:
         """
-        Get the samples of the corrected frame for a player, and the moving frames of the odometry.
+        Get the samples of the corrected frame for a player, the frames of the odometry, and those that move.
 
         When a recording is played, a transform arrives at its stamp. Without a sample at each stamp of the
         odometry, which changes no answer, a viewer could not show the robot before the next keyframe.
 
         :param buffer: has been corrected; the samples are inserted into it.
         """
-        parent, histories = stored_name(self._trajectory.parent), buffer.histories()
+        parent, moving = stored_name(self._trajectory.parent), stored_name(self._trajectory.moving)
+        histories = buffer.histories()
         keyframes_ns = histories[self.child].stamps_ns
-        chain = self.chain(buffer)
+        chain = self._chain(buffer, keyframes_ns, moving)
         moved = [name for name in chain if name in histories and not histories[name].static]
         stamps_ns = np.unique(np.concatenate([histories[name].stamps_ns for name in moved] or [keyframes_ns]))
         is_inside = (stamps_ns > keyframes_ns[0]) & (stamps_ns < keyframes_ns[-1])
@@ -293,15 +294,10 @@ class Keyframes:
         buffer.set_transforms_cdr(
             serialize_arrays(frames, times_ns[known], found[known]), "tf2_ros.correction"
         )
-        return buffer.histories()[self.child], moved
+        return buffer.histories()[self.child], chain, moved
 
-    def chain(self, buffer: BufferCore) -> list[str]:
-        """
-        Get the frames between the one that is corrected and the one whose poses are known, with the latter.
-
-        :param buffer: has been corrected.
-        """
-        times_ns, moving = buffer.histories()[self.child].stamps_ns, stored_name(self._trajectory.moving)
+    def _chain(self, buffer: BufferCore, times_ns: NDArray[np.int64], moving: str) -> list[str]:
+        """Get the frames from below the one that is corrected to the one whose poses are known."""
         for time_ns in times_ns.tolist():  # at some, the odometry is not known, or has another parent
             with suppress(TransformException):
                 return [name for name in buffer.path(self.child, moving, time_ns) if name != self.child]

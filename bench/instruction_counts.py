@@ -56,7 +56,7 @@ TOLERANCES = {
     else 0.03
     for call in CALLS
 }
-# Names may collide in Python's cache of attributes with every seed, which costs 15 %.
+# In some environments, each call costs 15 % more with every seed; why is not known.
 TOLERANCES["set_transform"] = 0.20
 # The share of a call's instructions that the interpreter executes differs between builds of Python.
 TOLERANCE_OTHER_PYTHON = 0.30

@@ -56,8 +56,6 @@ TOLERANCES = {
     else 0.03
     for call in CALLS
 }
-# In some environments, each call costs 15 % more with every seed; why is not known.
-TOLERANCES["set_transform"] = 0.20
 # The share of a call's instructions that the interpreter executes differs between builds of Python.
 TOLERANCE_OTHER_PYTHON = 0.30
 # How far the reference's count may differ in the same build.
@@ -145,10 +143,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except subprocess.CalledProcessError as error:
         print(f"guard: failed: exit status {error.returncode}, {last_line(error.stderr)}")
         return 1
-    # In some runs, memory of histories grows during the count; CALLS insert nothing.
-    counts = {
-        name: (statistics.mean if name in CALLS else min)(run[name] for run in runs) for name in runs[0]
-    }
+    counts = {name: statistics.mean(run[name] for run in runs) for name in runs[0]}
     reference = counts.pop(REFERENCE)
     present = {
         "python": ".".join(platform.python_version_tuple()[:2]) + " " + platform.machine(),

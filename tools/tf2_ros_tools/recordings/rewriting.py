@@ -346,6 +346,99 @@ def _heard(path: str | PathLike[str], what: Wanted, progress: bool | None) -> Ba
     return read_contents(path, what, records=bool(what.robots), progress=progress)
 
 
+class _NewNames:
+    """The new names of frames, topic by topic, and the tree that these frames are in."""
+
+    def __init__(self, recorded: Recorded, edits: Edits) -> None:
+        self._recorded, self._edits = recorded, edits
+        self._by_prefix: dict[str, Names] = {}
+        self._outside: dict[str, Names] = {}  # topics of other namespaces, whose frames keep their names
+        self._unknown: dict[str, list[str]] = {}  # other topics whose frames do, by the reason
+        self._new: set[str] = set()  # names of the frames with transforms, and of their parents
+        self._parents: dict[str, str] = {}  # the last one of each, with new names
+        self._children: dict[str, set[str]] = {}  # those with transforms, by the new name
+
+    def on(self, topic: str) -> Names:
+        """Get the names of the frames on a topic."""
+        prefix = self._edits.prefix_of(topic)
+        if prefix is None:
+            return self._outside.setdefault(topic, Names({}, ""))
+        return self._by_prefix.setdefault(prefix, Names(self._edits.renamed, prefix))
+
+    def renaming(self, about: Connection) -> Change | None:
+        """Get what renames the frames in the messages of a topic without transforms; None: nothing does."""
+        names = self.on(about.topic)
+        is_outside = about.topic in self._outside  # its frames are only read
+        if not about.msgcount or not (names or is_outside):
+            return None
+        try:
+            rename = renaming(about, names)
+        except Exception as error:  # the parsers define error classes only for some kinds of damage
+            if not is_outside:
+                why = shorten(str(error) or repr(error), 120, placeholder=" …")  # it may quote a definition
+                self._unknown.setdefault(why, []).append(about.topic)
+            return None
+
+        def renamed(item: Item) -> Raw:
+            assert rename is not None
+            try:
+                return rename(item.raw)
+            except Exception as error:  # likewise
+                self._recorded.malformed(about.topic, item.log_ns, ValueError(str(error) or repr(error)))
+
+        return rename and renamed
+
+    def rename(self, one: TransformStamped, names: Names, topic: str, log_ns: int) -> bool:
+        """Rename the frames of a transform; return whether something has changed."""
+        before = one.header.frame_id, one.child_frame_id
+        parent, child = map(names.of, before)
+        new_parent, new_child = map(stored_name, (parent, child))
+        self._new.update((new_parent, new_child))
+        self._parents[new_child] = new_parent
+        self._children.setdefault(new_child, set()).add(stored_name(before[1]))
+        if new_parent == new_child and len({*map(stored_name, before)}) == 2:
+            both = " and ".join(before)
+            text = f"the frames {both}, which a transform connects, would both be {parent}"
+            self._recorded.malformed(topic, log_ns, ValueError(text))
+        one.header.frame_id, one.child_frame_id = parent, child
+        return before != (parent, child)
+
+    def seen(self) -> set[str]:
+        """Get the recorded names of all frames, except those on topics of other namespaces."""
+        return set().union(*(one.seen for one in self._by_prefix.values()))
+
+    def notes(self, given: Mapping[str, TransformStamped]) -> Iterator[str]:
+        """
+        Say which new transforms are not connected, and which topics name frames as before.
+
+        :param given: the new static transforms, by their frames.
+        """
+        changed: set[str] = set().union(*(one.changed for one in self._by_prefix.values()))
+        parents = {one.header.frame_id for one in given.values()} - self._new - {*given}
+        if self._new and parents:
+            advice = "; `statics` has the new names of frames" if parents & changed else ""
+            yield f"no recorded transform has {listed(parents)}, the parent of a new static one{advice}"
+        described = [
+            topic
+            for topic in self._recorded.topics
+            if topic.rpartition("/")[2] == DESCRIPTION and self._edits.prefix_of(topic) is not None
+        ]
+        if changed and described:
+            yield f"frames keep their names in the URDF on {listed(described)}"
+        for why, topics in self._unknown.items():
+            yield f"frames keep their names on {listed(topics)}: {why}"
+        parents_of_given = {child: stored_name(one.header.frame_id) for child, one in given.items()}
+        frame = one_in_a_loop({**self._parents, **parents_of_given})
+        if frame is not None and one_in_a_loop(self._parents) is None:
+            yield f"with the new static transforms, {printable(frame)} is its own ancestor"
+        for child, recorded in self._children.items():
+            if len(recorded) > 1:
+                yield f"the transforms of {listed(recorded)} are now all of {printable(child)}"
+        outside = [topic for topic, names in self._outside.items() if names.seen & changed]
+        if outside:
+            yield f"renamed frames keep their names on {listed(outside)}, topics of other namespaces"
+
+
 class _Rewriting:
     """Writes the messages of a recording, changed."""
 
@@ -361,18 +454,13 @@ class _Rewriting:
         self._output, self._recorded, self._edits = output, recorded, edits
         self._begin_ns = -LAST_NS if what.start_ns is None else what.start_ns
         self._end_ns = LAST_NS if what.end_ns is None else what.end_ns
-        self._names: dict[str, Names] = {}  # by the prefix
-        self._outside: dict[str, Names] = {}  # topics of other namespaces, whose frames keep their names
-        self._unknown: dict[str, list[str]] = {}  # other topics whose frames do, by the reason
+        self._names = _NewNames(recorded, edits)
         self._frames: set[str] = set()  # those with transforms, and their parents
-        self._known: set[str] = set()  # their new names
-        self._parents: dict[str, str] = {}  # the last one of each, with new names
-        self._children: dict[str, set[str]] = {}  # those with transforms, by the new name
         self._used: set[tuple[str | None, str]] = set()  # of `dropped`
         self._moved: _Samples | None = None
         self._given = {stored_name(one.child_frame_id): one for one in edits.statics}
         if what.trajectory is not None and heard is not None:
-            names = self._names_on(edits.topic(static=False))
+            names = self._names.on(edits.topic(static=False))
             history, odometry, moving = what.trajectory.played(heard.buffer)
             self._refuse_other_odometry(odometry, names)
             self._moved = _Samples(names, history, moving)
@@ -425,41 +513,13 @@ class _Rewriting:
         if topic in self._topics:
             number = self._output.add_channel(key, channel)
             self._numbers.setdefault(topic, number)
-            names = self._names_on(topic)
+            names = self._names.on(topic)
             return lambda item: self._transforms(item, topic, number, names)
         rename: Change | None = None
         if not self._edits.only_transforms:
             self._output.add_channel(key, channel)
-            rename = self._rename_on(about)
+            rename = self._names.renaming(about)
         return partial(self._convert, about, rename) if topic in self._sources else rename
-
-    def _names_on(self, topic: str) -> Names:
-        prefix = self._edits.prefix_of(topic)
-        if prefix is None:
-            return self._outside.setdefault(topic, Names({}, ""))
-        return self._names.setdefault(prefix, Names(self._edits.renamed, prefix))
-
-    def _rename_on(self, about: Connection) -> Change | None:
-        names = self._names_on(about.topic)
-        is_outside = about.topic in self._outside  # its frames are only read
-        if not about.msgcount or not (names or is_outside):
-            return None
-        try:
-            rename = renaming(about, names)
-        except Exception as error:  # the parsers define error classes only for some kinds of damage
-            if not is_outside:
-                why = shorten(str(error) or repr(error), 120, placeholder=" …")  # it may quote a definition
-                self._unknown.setdefault(why, []).append(about.topic)
-            return None
-
-        def renamed(item: Item) -> Raw:
-            assert rename is not None
-            try:
-                return rename(item.raw)
-            except Exception as error:  # likewise
-                self._recorded.malformed(about.topic, item.log_ns, ValueError(str(error) or repr(error)))
-
-        return rename and renamed
 
     def _converters(self, heard: BagContents) -> dict[str, Source]:
         """Get what makes transforms of poses and joint states. Fixed joints become new static transforms."""
@@ -468,10 +528,10 @@ class _Rewriting:
         recorded = heard.records["child"][~np.isin(heard.records["publisher"], computed)]
         known = {heard.frames[child] for child in np.unique(recorded)}
         for topic, robot in robots.items():
-            names = self._names_on(topic)
+            names = self._names.on(topic)
             for one in read_transforms(fixed(robot, known), MessageSource(FROM_URDF)):
                 if self._keeps(one):
-                    self._rename(one, names, FROM_URDF, 0)
+                    self._names.rename(one, names, FROM_URDF, 0)
                     self._given.setdefault(one.child_frame_id, one)
         joints = {topic: Joints(robot, known) for topic, robot in robots.items()}
         return {**poses_on(self._recorded, what), **joints}
@@ -482,7 +542,7 @@ class _Rewriting:
         [(_, _, raw)] = converted(own, self._sources, self._recorded.malformed)
         if raw != EMPTY:
             topic = self._edits.topic(static=False, near=about.topic)
-            number, names = self._number_of(topic, DYNAMIC), self._names_on(about.topic)
+            number, names = self._number_of(topic, DYNAMIC), self._names.on(about.topic)
             data = self._transforms(item._replace(raw=raw), topic, number, names)
             if data is not None:
                 self._output.write(number, item, data)
@@ -503,7 +563,7 @@ class _Rewriting:
             self._recorded.malformed(topic, item.log_ns, error)
         kept = [one for one in found if self._keeps(one)]
         due = [] if is_static(topic) else self._due(found)
-        is_renamed = [self._rename(one, names, topic, item.log_ns) for one in kept]
+        is_renamed = [self._names.rename(one, names, topic, item.log_ns) for one in kept]
         kept = [one for one in kept if stored_name(one.child_frame_id) not in self._given]
         if topic == self._static_topic:  # a late subscriber gets only the last message
             self._statics.update((stored_name(one.child_frame_id), one) for one in kept)
@@ -521,21 +581,6 @@ class _Rewriting:
         drops = {(None, child), (parent, child)}.intersection(self._edits.dropped)
         self._used |= drops
         return not drops and (self._moved is None or child != self._moved.frame)
-
-    def _rename(self, one: TransformStamped, names: Names, topic: str, log_ns: int) -> bool:
-        """Rename the frames of a transform; return whether something has changed."""
-        before = one.header.frame_id, one.child_frame_id
-        parent, child = map(names.of, before)
-        new_parent, new_child = map(stored_name, (parent, child))
-        self._known.update((new_parent, new_child))
-        self._parents[new_child] = new_parent
-        self._children.setdefault(new_child, set()).add(stored_name(before[1]))
-        if new_parent == new_child and len({*map(stored_name, before)}) == 2:
-            both = " and ".join(before)
-            text = f"the frames {both}, which a transform connects, would both be {parent}"
-            self._recorded.malformed(topic, log_ns, ValueError(text))
-        one.header.frame_id, one.child_frame_id = parent, child
-        return before != (parent, child)
 
     def _due(self, found: Sequence[TransformStamped]) -> list[TransformStamped]:
         """Take the corrected samples up to the newest odometry of a message."""
@@ -567,10 +612,7 @@ class _Rewriting:
         if left and self._last is not None:
             number, item = self._last
             self._output.write(number, item, serialize_transforms(left))
-        name, seen = (
-            printable(self._recorded.path),
-            self._frames.union(*(one.seen for one in self._names.values())),
-        )
+        name, seen = printable(self._recorded.path), self._frames | self._names.seen()
         for frame in self._edits.renamed:
             if frame not in seen:
                 raise BagError(f"{name}: {not_known(frame, seen)}")
@@ -581,33 +623,10 @@ class _Rewriting:
                 raise BagError(f"{name}: {printable(child)} has no transforms in {printable(parent)}")
 
     def notes(self) -> Iterator[str]:
-        """Say which new transforms are not connected, and which topics name frames as before."""
-        changed: set[str] = set().union(*(one.changed for one in self._names.values()))
-        parents = {one.header.frame_id for one in self._given.values()} - self._known - {*self._given}
-        if self._known and parents:
-            advice = "; `statics` has the new names of frames" if parents & changed else ""
-            yield f"no recorded transform has {listed(parents)}, the parent of a new static one{advice}"
-        described = [
-            topic
-            for topic in self._recorded.topics
-            if topic.rpartition("/")[2] == DESCRIPTION and self._edits.prefix_of(topic) is not None
-        ]
-        if changed and described:
-            yield f"frames keep their names in the URDF on {listed(described)}"
-        for why, topics in self._unknown.items():
-            yield f"frames keep their names on {listed(topics)}: {why}"
-        given = {child: stored_name(one.header.frame_id) for child, one in self._given.items()}
-        frame = one_in_a_loop({**self._parents, **given})
-        if frame is not None and one_in_a_loop(self._parents) is None:
-            yield f"with the new static transforms, {printable(frame)} is its own ancestor"
-        for child, recorded in self._children.items():
-            if len(recorded) > 1:
-                yield f"the transforms of {listed(recorded)} are now all of {printable(child)}"
+        """Say what else the user should know."""
+        yield from self._names.notes(self._given)
         if self._edits.only_transforms and (left := [*self._left_out()]):
             yield f"the transforms on {listed(left)} are left out; `topics` or `--topic` keeps them"
-        outside = [topic for topic, names in self._outside.items() if names.seen & changed]
-        if outside:
-            yield f"renamed frames keep their names on {listed(outside)}, topics of other namespaces"
 
     def _left_out(self) -> Iterator[str]:
         """Get the topics with transforms in the namespaces of those that were named."""

@@ -33,7 +33,7 @@ class StaticTransformBroadcaster(Broadcaster):
     Sends transforms on ``/tf_static``, where late subscribers also receive them.
 
     :param node: publishes them; the attribute ``pub_tf`` is the publisher.
-    :param qos: a profile, or the depth of its queue. None: transient local, depth 1.
+    :param qos: a profile; a depth alone means volatile, as in tf2. None: transient local, depth 1.
     :param strict: raise a ``ValueError`` instead of sending what every buffer refuses.
 
     Every message contains all transforms sent so far (the attribute ``net_message``), one for each child

@@ -90,8 +90,8 @@ class TransformListener:
         executor takes over the node, the thread stops serving it, as in tf2. The program exits only after the
         thread ends.
     :param qos: a profile, or the depth of the queue, for dynamic transforms. None: volatile, depth 100.
-    :param static_qos: the same for static transforms. None: transient local, depth 10,000, so that
-        none is lost, however many nodes publish them.
+    :param static_qos: the same for static transforms; a depth alone means volatile, as in tf2. None:
+        transient local, depth 10,000, so that none is lost, however many nodes publish them.
     :param tf_topic: the topic of dynamic transforms. Unlike the default, a name without a leading ``/`` is in
         the namespace of the node.
     :param tf_static_topic: the topic of static transforms.

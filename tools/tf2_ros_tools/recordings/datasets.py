@@ -110,8 +110,8 @@ class Dataset:
     :param indices: the number of the message in its recording, int64, shape (N,).
     :param stamps_ns: int64, shape (N,). The smallest int64, NaT, if the stamp of a message is not set: such
         a row has no answer.
-    :param timestamps: seconds since the first message of the recording that has a stamp, float64, shape (N,);
-        NaN without a stamp.
+    :param timestamps: seconds since the topic's first stamp in the recording, float64, shape (N,); NaN
+        without a stamp.
     :param poses: float64, shape (N, F, 7): x y z in meters, qx qy qz qw, with the sign that is closer to the
         row before; NaN without an answer.
     :param valid: bool, shape (N, F): whether there is an answer.

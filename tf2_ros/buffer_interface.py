@@ -254,7 +254,7 @@ class BufferInterface:
             :class:`tf2_ros.BufferClient` accepts ``max_age``, as one duration.
         :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
             (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0. With a
-            ``tolerance``, the stamp is that of the oldest sample used, unless ``extrapolate`` is set.
+            ``tolerance``, the stamp is the oldest at which a frame stays, unless ``extrapolate`` is set.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises ConnectivityException: the frames are in different trees.
         :raises ExtrapolationException: a frame on the path has no data for the time, only data that is older

@@ -59,6 +59,39 @@ def test_a_chain_has_the_stamps_of_its_own_frames(path):
     ]
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_a_frame_between_others_counts_only_while_it_is_there(seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    sent = []
+    for child, parents in (("odom", ["map"]), ("base", ["map", "odom", "lift"]), ("lift", ["map", "odom"])):
+        stamps = np.sort(rng.choice(np.arange(100, 160), 25, replace=False)).tolist()
+        own = rng.permutation(parents)[np.sort(rng.integers(len(parents), size=25))]
+        sent += [
+            Sent(ns * S, "/tf", [Tf(str(one), child, ns * S)]) for ns, one in zip(stamps, own, strict=True)
+        ]
+    sent += [Sent(100 * S, "/tf_static", [Tf("base", "camera", 0)])]
+    heard = read_contents(write_mcap(tmp_path / "a.mcap", sorted(sent, key=lambda one: one.log_ns)))
+    buffer, histories = heard.buffer, heard.buffer.histories()
+    every = [ns * S // 2 for ns in range(2 * 98, 2 * 162)]
+    for target, source in (("map", "camera"), ("lift", "base"), ("base", "odom")):
+        hops = {
+            ns: [one for one in buffer.explain(target, source, ns).hops if not one.static]
+            for ns in every
+            if buffer.can_transform(target, source, ns)
+        }
+        table, _ = look_up_table(heard, target, [source], every)
+        gaps = [max((one.gap for one in hops[ns]), default=0.0) if ns in hops else np.nan for ns in every]
+        np.testing.assert_array_equal(table.gaps[:, 0], gaps)
+        measured = [
+            ns for ns, own in hops.items() if any(ns in histories[one.frame].stamps_ns for one in own)
+        ]
+        times = times_when(heard, target, source, None)
+        assert [ns for ns in times.tolist() if ns in hops] == measured
+        at_rate = times_at_rate(buffer, target, source, 2.0)
+        moves = [ns for ns, own in hops.items() if own]
+        assert (at_rate[0], at_rate[-1]) == (moves[0], moves[-1])
+
+
 def test_neighboring_rows_do_not_jump_to_the_opposite_quaternion(tmp_path):
     stamps = [100 * S + i * S for i in range(101)]  # two turns
     turns = [about_z(2 * np.pi * i / 50) for i in range(101)]

@@ -362,14 +362,10 @@ def moving_on(newest: Tree, chain: Sequence[str]) -> list[str]:
     return [name for name in moving if newest[name].parent in chain]
 
 
-def stamps_on(
-    records: NDArray[np.void], frames: Sequence[str], newest: Tree, chain: Sequence[str]
-) -> NDArray[np.int64]:
+def stamps_of(records: Records, frames: Sequence[str], frame: str) -> NDArray[np.int64]:
     """
-    The stamps of the dynamic transforms that make up a chain, in ns, ascending, each once.
+    The stamps of the dynamic transforms of a frame, in ns, ascending, each once.
 
     :param frames: names, by the ids in the records.
     """
-    numbers = {name: number for number, name in enumerate(frames)}
-    moving = [numbers[name] for name in moving_on(newest, chain)]
-    return np.unique(_dynamic_of(records, moving)["stamp_ns"])
+    return np.unique(_dynamic_of(records, [frames.index(frame)])["stamp_ns"])

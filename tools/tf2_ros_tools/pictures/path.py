@@ -8,7 +8,7 @@ The functions that draw import matplotlib.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,7 +20,7 @@ from tf2_ros.numpy import to_matrix
 from tf2_ros_tools.common.program import RunError
 from tf2_ros_tools.common.roll_pitch_yaw import rpy_from_matrices
 from tf2_ros_tools.diagnosis.findings import Limits, longest_interval
-from tf2_ros_tools.diagnosis.stream_statistics import Stream, moving_on, newest_streams, stamps_on
+from tf2_ros_tools.diagnosis.stream_statistics import Stream, newest_streams, stamps_of
 from tf2_ros_tools.pictures.style import (
     BLUE,
     GAP,
@@ -33,6 +33,7 @@ from tf2_ros_tools.pictures.style import (
     show_times,
     style,
 )
+from tf2_ros_tools.recordings.frames_between import Between, frames_between
 from tf2_ros_tools.recordings.pose_tables import look_up, why_unanswered
 
 if TYPE_CHECKING:
@@ -87,15 +88,14 @@ def path_picture(
     """
     target, source = map(stored_name, ends)
     try:
-        chain = buffer.path(target, source)
+        between = frames_between(buffer, buffer.histories(), target, source)
     except TransformException as reason:
         raise RunError(str(reason)) from None
     newest = newest_streams(streams)
-    stamps = stamps_on(records, frames, newest, chain)
+    stamps = between.stamps(records, frames)
     if not len(stamps):
         raise RunError(f"nothing moves between {target} and {source}")
-    measured = [name for name in chain if name != corrected]
-    drawn = _course(buffer, target, source, stamps, gaps_on(records, frames, newest, chain, measured))
+    drawn = _course(buffer, target, source, stamps, gaps_on(records, frames, newest, between, corrected))
     if drawn is None:
         raise RunError(why_unanswered(buffer, target, source, stamps))
     recorded, name, old_target = None, "recorded", target
@@ -104,8 +104,8 @@ def path_picture(
         if target not in before.frames() and corrected is not None and buffer.parent(corrected) == target:
             old_target, name = corrected, f"recorded, in {corrected}"
         with suppress(TransformException):
-            chain = before.path(old_target, source)
-            gaps = gaps_on(records, frames, newest, chain, chain)
+            between = frames_between(before, before.histories(), old_target, source)
+            gaps = gaps_on(records, frames, newest, between)
             recorded = _course(before, old_target, source, stamps, gaps)
     return trajectory_figure(target, source, *drawn, recorded=recorded, name_of_recorded=name)
 
@@ -138,18 +138,19 @@ def gaps_on(
     records: Records,
     frames: Sequence[str],
     newest: dict[str, Stream],
-    chain: Sequence[str],
-    measured: Collection[str],
+    between: Between,
+    corrected: str | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """
-    Get the stamps between which a moving frame of a chain has a gap, by the rules of ``tf2_check``.
+    Get the stamps between which a frame that moves has a gap, by the rules of ``tf2_check``.
 
-    :param measured: the frames whose gaps count.
+    :param corrected: a frame whose gaps do not count. None: there is none.
     """
     begins, ends = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    for frame in filter(measured.__contains__, moving_on(newest, chain)):
-        stamps = stamps_on(records, frames, newest, [frame, newest[frame].parent])
+    for frame in between.moving.keys() - {corrected}:
+        stamps = stamps_of(records, frames, frame)
         wide = np.flatnonzero(np.diff(stamps) > longest_interval(newest[frame], Limits()) * S)
+        wide = wide[between.counts(frame, stamps[wide])]
         begins.append(stamps[wide])
         ends.append(stamps[wide + 1])
     return np.concatenate(begins), np.concatenate(ends)

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tf2_py import BufferCore, ConnectivityException, ExtrapolationException, TransformException
+from tf2_py import BufferCore, ConnectivityException, History, TransformException
 from tf2_py.printable import counted, printable
 from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.common.optional_libraries import require
-from tf2_ros_tools.diagnosis.stream_statistics import moving_on, path_to_root, stamps_on, taken
+from tf2_ros_tools.diagnosis.stream_statistics import path_to_root, taken
 from tf2_ros_tools.recordings.bag_reader import LAST_NS
+from tf2_ros_tools.recordings.frames_between import frames_between
 from tf2_ros_tools.recordings.header_stamps import UNSET_NS
 from tf2_ros_tools.recordings.saved_buffers import by_stamp
 
@@ -72,9 +73,11 @@ def look_up_table(
     poses = np.full((len(stamps_ns), len(frames), 7), np.nan)
     gaps = np.full(poses.shape[:2], np.nan)
     reasons: dict[str, str] = {}
+    histories = heard.buffer.histories()
     for i, frame in enumerate(frames):
         try:
-            poses[:, i], gaps[:, i] = _look_up_frame(heard, target, frame, stamps_ns, max_gap)
+            found = _look_up_frame(heard, histories, target, frame, stamps_ns, max_gap)
+            poses[:, i], gaps[:, i] = found
         except TransformException as error:
             reasons[frame] = why_unconnected(heard, target, frame, error)
             continue
@@ -86,41 +89,30 @@ def look_up_table(
 
 
 def _look_up_frame(
-    heard: BagContents, target: str, source: str, stamps_ns: NDArray[np.int64], max_gap: float | None
+    heard: BagContents,
+    histories: Mapping[str, History],
+    target: str,
+    source: str,
+    stamps_ns: NDArray[np.int64],
+    max_gap: float | None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     Look up one frame: its poses and gaps, shapes (N, 7) and (N,).
 
     :raises TransformException: the frames are unknown or not connected.
     """
-    buffer, corrected = heard.buffer, heard.corrected
-    between = _between(buffer, target, source)
-    poses = look_up(buffer, target, source, stamps_ns, None if corrected else max_gap)
+    corrected = heard.corrected
+    between = frames_between(heard.buffer, histories, target, source)
+    poses = look_up(heard.buffer, target, source, stamps_ns, None if corrected else max_gap)
     gaps = np.where(np.isnan(poses[:, 0]), np.nan, 0.0)
     # The samples of a corrected frame are keyframes: the time between them is no gap in what was measured.
-    moving = [name for name in moving_on(buffer.frames(), between) if name != corrected]
-    histories = buffer.histories() if moving else {}
-    for name in moving:
-        gaps = np.maximum(gaps, _gaps_at(histories[name].stamps_ns, stamps_ns))  # a NaN stays
+    for name in between.moving.keys() - {corrected}:
+        own = _gaps_at(histories[name].stamps_ns, stamps_ns)
+        gaps = np.maximum(gaps, np.where(between.counts(name, stamps_ns), own, 0.0))  # a NaN stays
     if corrected and max_gap is not None:
         is_wide = gaps > max_gap
         poses[is_wide] = gaps[is_wide] = np.nan
     return poses, gaps
-
-
-def _between(buffer: BufferCore, target: str, source: str) -> list[str]:
-    """
-    Get the frames that connect two frames.
-
-    :raises TransformException: the frames are unknown or not connected.
-    """
-    try:
-        return buffer.path(target, source)
-    except ExtrapolationException:  # for tf2, a frame whose newest stamp is 0 has data at any time
-        frames = buffer.frames()
-        up, down = (path_to_root(frames, name) for name in (source, target))
-        top = next(name for name in up if name in down)
-        return [*up[: up.index(top)], top, *down[: down.index(top)]]
 
 
 def _gaps_at(samples: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -180,20 +172,20 @@ def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> ND
     :raises TransformException: the frames are unknown or not connected.
     :raises ValueError: there would be more than 50,000,000 times.
     """
-    frames = buffer.frames()
-    moving = [frames[name] for name in moving_on(frames, _between(buffer, target, source))]
-    dynamic = [(one.oldest_ns, one.newest_ns) for one in moving or frames.values()]
-    spans = [(oldest, newest) for oldest, newest in dynamic if oldest is not None and newest is not None]
-    if not spans:
+    histories = buffer.histories()
+    between = frames_between(buffer, histories, target, source)
+    if between.moving:
+        span = between.span(histories)
+    else:
+        stamps = [one.stamps_ns for one in histories.values() if not one.static]
+        span = (min(one[0] for one in stamps), max(one[-1] for one in stamps)) if stamps else None
+    if span is None:
         return np.zeros(0, np.int64)
-    oldest, newest = zip(*spans, strict=True)
-    begin, end = (max(oldest), min(newest)) if moving else (min(oldest), max(newest))
-    if end < begin:
-        return np.zeros(0, np.int64)
+    begin, end = map(int, span)
     count = (end - begin) * hz / S + 1.0
     if count > MOST_TIMES:
-        span = f"from {begin / S:.3f} s to {end / S:.3f} s"
-        raise ValueError(f"expected at most {MOST_TIMES} times, got {count:.0f}: {hz:g} Hz {span}")
+        when = f"from {begin / S:.3f} s to {end / S:.3f} s"
+        raise ValueError(f"expected at most {MOST_TIMES} times, got {count:.0f}: {hz:g} Hz {when}")
     steps = np.rint(np.arange(int(count)) * S / hz).astype(np.int64)
     times: NDArray[np.int64] = np.minimum(begin + steps, end)
     return times
@@ -208,8 +200,8 @@ def times_when(heard: BagContents, target: str, source: str, rate: float | None)
     """
     if rate is not None:
         return times_at_rate(heard.buffer, target, source, rate)
-    between = _between(heard.buffer, target, source)
-    stamps = stamps_on(heard.records, heard.frames, heard.buffer.frames(), between)
+    between = frames_between(heard.buffer, heard.buffer.histories(), target, source)
+    stamps = between.stamps(heard.records, heard.frames)
     # Without anything that moves, one time is enough.
     return stamps if len(stamps) else taken(heard.records)["stamp_ns"][:1].astype(np.int64)
 

@@ -41,6 +41,8 @@ def main(args: list[str] | None = None) -> int:
         allow_abbrev=False,
     )
     parser.error = _refuse  # type: ignore[method-assign]
+    if sys.stdout is None:  # closed; the next file that is opened would have its number
+        sys.stdout = open(os.devnull, "w")
     try:
         try:
             parser.parse_args((sys.argv if args is None else args)[1:])

@@ -22,6 +22,8 @@ from tool_paths import TOOLS
 from tool_project import PYPROJECT
 from waiting import DEADLINE_S, until, until_told
 
+from tf2_ros import Buffer
+
 # By program: a valid command line, the exit status after Ctrl-C, and what it writes before it waits.
 PROGRAMS = {
     "static_transform_publisher": ("--frame-id map --child-frame-id robot", 0),
@@ -352,6 +354,12 @@ def test_a_name_that_the_output_cannot_encode_is_escaped(folder):
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     status, out, err = ended("tf2_bag", "info", "named.mcap", env=environment)
     assert (status, err) == (0, "") and r"w\xf6rld" in out
+
+
+def test_a_program_works_without_standard_output(folder):
+    status, _, err = ended("tf2_bag", "freeze", "drive.mcap", "-o", "a.tf2", preexec_fn=lambda: os.close(1))
+    assert (status, err) == (0, "")
+    assert Buffer.open(folder / "a.tf2").can_transform("odom", "base", 0)
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")

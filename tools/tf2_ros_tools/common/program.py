@@ -196,6 +196,8 @@ def run(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
     sys.unraisablehook = _after_unraisable
+    if sys.stdout is None:  # closed; the next file that is opened would have its number
+        sys.stdout = open(os.devnull, "w")
     try:
         if isinstance(sys.stdout, TextIOWrapper):
             # The reader of a pipe may wait for a line, and the name of a frame may not be in the encoding.

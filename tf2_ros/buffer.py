@@ -63,6 +63,12 @@ _Opened = TypeVar("_Opened", bound="Buffer")
 # The methods that insert transforms.
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
+# What happens to a clock, by rclpy's name for it.
+SWITCHES = {
+    "ROS_TIME_ACTIVATED": "Simulated time was switched on",
+    "ROS_TIME_DEACTIVATED": "Simulated time was switched off",
+}
+
 # What belongs to one buffer; a copy has its own.
 _OF_INIT = frozenset(
     "registration _tf2_kept _tf2_sources srv jump_handle _tf2_node _tf2_clock _tf2_cleared_for".split()
@@ -605,11 +611,13 @@ class Buffer(BufferCore, BufferInterface):
         """
         Clear the buffer, and log a warning.
 
-        :param time_jump: how the clock jumped; not used, but for subclasses.
+        :param time_jump: how the clock jumped. None: back.
         """
         if self._tf2_cleared_for != get_ident() or type(self).clear is not BufferCore.clear:
             self.clear()  # first, because a log line takes time, in which old data would be used
-        log.logger("tf2_buffer").warning("Detected jump back in time. Clearing TF buffer.")
+        change = getattr(getattr(time_jump, "clock_change", None), "name", "")
+        what = SWITCHES.get(change, "Detected jump back in time")
+        log.logger("tf2_buffer").warning(f"{what}. Clearing TF buffer.")
         node = None if self._tf2_node is None else self._tf2_node()
         names = [] if node is None else clock_publishers(node)
         if len(names) > 1:

@@ -392,6 +392,11 @@ def test_a_loop_of_recorded_and_new_static_transforms_is_reported(rewrite, tmp_p
     assert "with the new static transforms, r1/" in err and "is its own ancestor" in err
 
 
+def test_a_loop_of_renamed_frames_is_reported(rewrite, tmp_path):
+    _, err = rewrite(in_mcap(tmp_path / "run", run_of()), "--rename", "base=map")
+    assert err == "tf2_bag rewrite: with the new names, map is its own ancestor\n"
+
+
 def test_two_frames_that_get_one_name_are_reported(rewrite, tmp_path):
     path = in_mcap(tmp_path / "run", run_of(*SCANS))
     _, err = rewrite(path, "--rename", "lidar=camera")
@@ -473,6 +478,7 @@ def test_a_compressed_recording_of_ros_1_becomes_one_of_ros_2(rewrite, tmp_path,
     [
         ((), UsageError, "nothing to change"),
         (("--drop", "camra"), RunError, r"there is no frame camra with transforms; did you mean camera\?$"),
+        (("--drop", "map"), RunError, "there is no frame map with transforms$"),
         (("--drop", "odom,camera"), RunError, "camera has no transforms in odom"),
         (("--rename", "camra=x"), RunError, "there is no frame camra; did you mean camera?"),
         (("--rename", "odom=base"), RunError, "the frames odom and base, .* would both be base"),

@@ -50,7 +50,7 @@ def first_names(names: Sequence[str]) -> str:
 
 def not_known(name: str, known: Collection[str], kind: str = "") -> str:
     """Say that a frame, or one of this ``kind``, is unknown, and suggest similar names."""
-    near = get_close_matches(name, known, n=3)
+    near = get_close_matches(name, {*known} - {name}, n=3)
     advice = f"; did you mean {' or '.join(near)}?" if near else ""
     return printable(f"there is no frame {name}{kind and f' {kind}'}{advice}")
 

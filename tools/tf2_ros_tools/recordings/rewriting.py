@@ -356,6 +356,7 @@ class _NewNames:
         self._unknown: dict[str, list[str]] = {}  # other topics whose frames do, by the reason
         self._new: set[str] = set()  # names of the frames with transforms, and of their parents
         self._parents: dict[str, str] = {}  # the last one of each, with new names
+        self._recorded_parents: dict[str, str] = {}
         self._children: dict[str, set[str]] = {}  # those with transforms, by the new name
 
     def on(self, topic: str) -> Names:
@@ -395,8 +396,10 @@ class _NewNames:
         new_parent, new_child = map(stored_name, (parent, child))
         self._new.update((new_parent, new_child))
         self._parents[new_child] = new_parent
-        self._children.setdefault(new_child, set()).add(stored_name(before[1]))
-        if new_parent == new_child and len({*map(stored_name, before)}) == 2:
+        old_parent, old_child = map(stored_name, before)
+        self._recorded_parents[old_child] = old_parent
+        self._children.setdefault(new_child, set()).add(old_child)
+        if new_parent == new_child and old_parent != old_child:
             both = " and ".join(before)
             text = f"the frames {both}, which a transform connects, would both be {parent}"
             self._recorded.malformed(topic, log_ns, ValueError(text))
@@ -428,9 +431,12 @@ class _NewNames:
         for why, topics in self._unknown.items():
             yield f"frames keep their names on {listed(topics)}: {why}"
         parents_of_given = {child: stored_name(one.header.frame_id) for child, one in given.items()}
-        frame = one_in_a_loop({**self._parents, **parents_of_given})
-        if frame is not None and one_in_a_loop(self._parents) is None:
-            yield f"with the new static transforms, {printable(frame)} is its own ancestor"
+        trees = self._recorded_parents, self._parents, {**self._parents, **parents_of_given}
+        old, renamed, final = map(one_in_a_loop, trees)
+        if final is not None and renamed is None:
+            yield f"with the new static transforms, {printable(final)} is its own ancestor"
+        if renamed is not None and old is None:
+            yield f"with the new names, {printable(renamed)} is its own ancestor"
         for child, recorded in self._children.items():
             if len(recorded) > 1:
                 yield f"the transforms of {listed(recorded)} are now all of {printable(child)}"

@@ -147,11 +147,12 @@ def _lines(texts: Any, end: str) -> str:
     return marked
 
 
-def drawn(dot: str, kind: str) -> bytes:
+def drawn(dot: str, kind: str, alternative: str = "") -> bytes:
     """
     Draw what DOT describes.
 
     :param kind: ``svg``, ``png`` or ``pdf``.
+    :param alternative: to installing Graphviz, for the error.
     :raises RunError: Graphviz's program ``dot`` is not installed or failed.
     """
     import graphviz
@@ -160,7 +161,7 @@ def drawn(dot: str, kind: str) -> bytes:
         picture: bytes = graphviz.pipe("dot", kind, dot.encode(), quiet=True)
     except graphviz.ExecutableNotFound:
         advice = "install Graphviz, which has the program dot (Debian, Ubuntu: apt install graphviz)"
-        raise RunError(f"no picture: {advice}; a file that ends in .gv does not need it") from None
+        raise RunError(f"no picture: {advice}{alternative}") from None
     except graphviz.CalledProcessError as failure:
         said = (failure.stderr or b"").decode(errors="replace").strip()
         raise RunError(f"dot failed: {said or failure}") from None

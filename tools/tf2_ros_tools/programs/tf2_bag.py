@@ -383,7 +383,8 @@ def tree(options: Namespace) -> int:
     said = report(heard)
     dot = tree_dot(said.streams, said.findings, heard.buffer.frames(), said.end)
     kind = format_of(options.output)
-    write_whole(options.output, dot.encode() if kind == "gv" else drawn(dot, kind))
+    alternative = "; a file that ends in .gv does not need it"
+    write_whole(options.output, dot.encode() if kind == "gv" else drawn(dot, kind, alternative))
     show(options.output)
     return SUCCESS
 

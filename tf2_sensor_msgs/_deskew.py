@@ -132,8 +132,8 @@ def deskew(
     :func:`do_transform_cloud`.
 
     Poses are looked up at selected times and interpolated between them, so that the error of a point is at
-    most 10 µm plus one millionth of its distance from the sensor. If this would not save time, the pose of
-    each point is looked up.
+    most 10 µm plus one millionth of its distance from the sensor, unless poses jump within microseconds. If
+    this would not save time, the pose of each point is looked up.
     """
     if not isinstance(buffer, BufferCore):
         raise TypeError(f"buffer: expected a tf2_ros.Buffer, got {type(buffer).__name__}")

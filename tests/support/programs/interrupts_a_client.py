@@ -20,10 +20,10 @@ def interrupt_lookups(client):
     os.kill(os.getpid(), signal.SIGINT)
 
 
-for _ in range(5):
+for i in range(5):
     context = Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.SIGINT)
-    node = rclpy.create_node("interrupted", context=context)
+    node = rclpy.create_node(f"interrupted_{i}", context=context)
     client = BufferClient(node, "none")
     thread = threading.Thread(target=interrupt_lookups, args=[client])
     thread.start()

@@ -457,6 +457,9 @@ def test_it_succeeds_while_later_transforms_make_the_oldest_ones_too_old(monkeyp
     logged, longest_ns = [], 0
     monkeypatch.setattr(log, "refused", lambda *line: logged.append(line))
 
+    def refused_together():
+        return buffer.statistics()["refused"]["replaced_together"]
+
     def drive_on():
         nonlocal longest_ns
         start_ns = last_ns = time.monotonic_ns()
@@ -472,7 +475,10 @@ def test_it_succeeds_while_later_transforms_make_the_oldest_ones_too_old(monkeyp
     thread.start()
     try:
         assert begun.wait(60)
-        for _ in range(random_runs.times(100, 1000)):
+        left, deadline = random_runs.times(100, 1000), time.monotonic() + 60
+        # On a busy machine, the thread may insert nothing between reading and writing for long.
+        while left > 0 or (not refused_together() and time.monotonic() < deadline):
+            left -= 1
             times = np.arange(time.monotonic_ns() - S, time.monotonic_ns(), S // 200)
             poses = np.tile(planar(1, 2, 0.5), (len(times), 1, 1))
             used = correct(buffer, *EDGE, times, poses, before="hold", on_missing="skip")
@@ -481,6 +487,6 @@ def test_it_succeeds_while_later_transforms_make_the_oldest_ones_too_old(monkeyp
     finally:
         ended.set()
         thread.join()
-    assert buffer.statistics()["refused"]["replaced_together"] > 0
+    assert refused_together() > 0
     assert logged == []  # these tries are repeated
     buffer._self_check()

@@ -63,7 +63,11 @@ def test_a_chain_has_the_stamps_of_its_own_frames(path):
 def test_a_frame_between_others_counts_only_while_it_is_there(seed, tmp_path):
     rng = np.random.default_rng(seed)
     sent = []
-    for child, parents in (("odom", ["map"]), ("base", ["map", "odom", "lift"]), ("lift", ["map", "odom"])):
+    for child, parents in (
+        ("odom", ["map"]),
+        ("base", ["map", "odom", "lift", "truck"]),
+        ("lift", ["map", "odom"]),
+    ):
         stamps = np.sort(rng.choice(np.arange(100, 160), 25, replace=False)).tolist()
         own = rng.permutation(parents)[np.sort(rng.integers(len(parents), size=25))]
         sent += [

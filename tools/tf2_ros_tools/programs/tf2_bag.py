@@ -271,8 +271,8 @@ def lookup(options: Namespace) -> int:
     missing = len(table) - int(table.valid.sum())
     if missing:
         text = f"no answer at {missing} of {len(table)} times{', which are left out' * (kind == 'tum')}"
-        unset = pose_tables.unset_among(table.stamps_ns)
-        options.parser.warn(f"{text}{unset and f': {unset}'}")
+        why = pose_tables.why_some_are_missing(heard, target, source, table.stamps_ns)
+        options.parser.warn(f"{text}{why and f': {why}'}")
     return SUCCESS
 
 

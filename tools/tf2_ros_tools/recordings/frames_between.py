@@ -5,13 +5,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py import BufferCore, ExtrapolationException, History
+from tf2_py import BufferCore, ConnectivityException, ExtrapolationException, History
 from tf2_ros_tools.diagnosis.stream_statistics import Records, stamps_of
 from tf2_ros_tools.recordings.bag_reader import LAST_NS
 
@@ -24,20 +23,26 @@ class Between(NamedTuple):
         leads to the two changes its parent.
     :param moving: by the names of dynamic frames, in which periods they are between the two, bool, shape
         (P,).
+    :param connected: in which periods the two are connected, bool, shape (P,).
     """
 
     begins_ns: NDArray[np.int64]
     moving: dict[str, NDArray[np.bool_]]
+    connected: NDArray[np.bool_]
 
     def stamps(self, records: Records, frames: Sequence[str]) -> NDArray[np.int64]:
         """
         Get the stamps of the recorded transforms that were between the two, in ns, ascending, each once.
 
+        While the two are not connected, those of all frames that ever were count.
+
         :param frames: names, by the ids in the records.
         """
-        every = [stamps_of(records, frames, name) for name in self.moving]
-        kept = [own[self.counts(name, own)] for name, own in zip(self.moving, every, strict=True)]
-        return np.unique(np.concatenate(kept or [np.zeros(0, np.int64)]))
+        kept = [np.zeros(0, np.int64)]
+        for name in self.moving:
+            own = stamps_of(records, frames, name)
+            kept.append(own[self.counts(name, own) | ~self.connected[self._periods(own)]])
+        return np.unique(np.concatenate(kept))
 
     def span(self, histories: Mapping[str, History]) -> tuple[int, int] | None:
         """Get the first and the last time at which all that moves has data; None: there is none."""
@@ -51,8 +56,10 @@ class Between(NamedTuple):
 
     def counts(self, frame: str, times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Say whether a frame is between the two at each of N times."""
-        periods = np.searchsorted(self.begins_ns, times_ns, "right") - 1
-        return self.moving[frame][np.maximum(periods, 0)]
+        return self.moving[frame][self._periods(times_ns)]
+
+    def _periods(self, times_ns: NDArray[np.int64]) -> NDArray[np.intp]:
+        return np.maximum(np.searchsorted(self.begins_ns, times_ns, "right") - 1, 0)
 
 
 def frames_between(buffer: BufferCore, histories: Mapping[str, History], target: str, source: str) -> Between:
@@ -60,21 +67,28 @@ def frames_between(buffer: BufferCore, histories: Mapping[str, History], target:
     Find the moving frames between two frames of a buffer.
 
     :param histories: those of the buffer.
-    :raises TransformException: the frames are unknown, or not connected at last.
+    :raises TransformException: the frames are unknown, or never connected.
     """
-    with suppress(ExtrapolationException):  # for tf2, a frame whose newest stamp is 0 has data at any time
-        buffer.path(target, source)
     begins = _begins(histories, (target, source))
     moving: dict[str, NDArray[np.bool_]] = {}
+    connected = np.zeros(len(begins), bool)
     for i, begin_ns in enumerate(begins.tolist()):
         up, down = (_to_root(histories, name, begin_ns) for name in (source, target))
         top = next((name for name in up if name in down), None)
         if top is None:
             continue
+        connected[i] = True
         for name in (*up[: up.index(top)], *down[: down.index(top)]):
             if not histories[name].static:
                 moving.setdefault(name, np.zeros(len(begins), bool))[i] = True
-    return Between(begins, moving)
+    try:
+        buffer.path(target, source)
+    except ExtrapolationException:
+        pass  # for tf2, a frame whose newest stamp is 0 has data at any time
+    except ConnectivityException:  # at last
+        if not connected.any():
+            raise
+    return Between(begins, moving, connected)
 
 
 def _begins(histories: Mapping[str, History], ends: Iterable[str]) -> NDArray[np.int64]:

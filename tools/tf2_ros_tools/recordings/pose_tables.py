@@ -99,7 +99,7 @@ def _look_up_frame(
     """
     Look up one frame: its poses and gaps, shapes (N, 7) and (N,).
 
-    :raises TransformException: the frames are unknown or not connected.
+    :raises TransformException: the frames are unknown, or never connected.
     """
     corrected = heard.corrected
     between = frames_between(heard.buffer, histories, target, source)
@@ -240,6 +240,19 @@ def why_unanswered(
     if corrected and max_gap is not None:
         return f"all poses are interpolated across gaps of more than {max_gap:g} s"
     return f"the frames between {target} and {source} never had data at the same time"
+
+
+def why_some_are_missing(heard: BagContents, target: str, source: str, times_ns: NDArray[np.int64]) -> str:
+    """Say why a lookup has no answer at some of N times; empty: nothing special is known."""
+    if unset := unset_among(times_ns):
+        return unset
+    try:
+        heard.buffer.path(target, source)
+    except ConnectivityException as error:
+        return f"at last, {why_unconnected(heard, target, source, error)}"
+    except TransformException:
+        pass
+    return ""
 
 
 def unset_among(times_ns: NDArray[np.int64]) -> str:

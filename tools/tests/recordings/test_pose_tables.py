@@ -64,7 +64,7 @@ def test_a_frame_between_others_counts_only_while_it_is_there(seed, tmp_path):
     rng = np.random.default_rng(seed)
     sent = []
     for child, parents in (
-        ("odom", ["map"]),
+        ("odom", ["map", "lift"]),
         ("base", ["map", "odom", "lift", "truck"]),
         ("lift", ["map", "odom"]),
     ):

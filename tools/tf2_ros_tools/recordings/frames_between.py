@@ -5,14 +5,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py import BufferCore, ConnectivityException, ExtrapolationException, History
+from tf2_py import BufferCore, ExtrapolationException, History
 from tf2_ros_tools.diagnosis.stream_statistics import Records, stamps_of
 from tf2_ros_tools.recordings.bag_reader import LAST_NS
+
+NONE = -1  # no parent
 
 
 class Between(NamedTuple):
@@ -20,7 +23,7 @@ class Between(NamedTuple):
     What moves between two frames, in P periods.
 
     :param begins_ns: int64, shape (P,): when each period begins, ascending. Within a period, no frame that
-        leads to the two changes its parent.
+        leads to the two changes its parent, and each has data at all times or at none.
     :param moving: by the names of dynamic frames, in which periods they are between the two, bool, shape
         (P,).
     :param connected: in which periods the two are connected, bool, shape (P,).
@@ -44,15 +47,13 @@ class Between(NamedTuple):
             kept.append(own[self.counts(name, own) | ~self.connected[self._periods(own)]])
         return np.unique(np.concatenate(kept))
 
-    def span(self, histories: Mapping[str, History]) -> tuple[int, int] | None:
-        """Get the first and the last time at which all that moves has data; None: there is none."""
-        begins, ends = self.begins_ns.copy(), np.append(self.begins_ns[1:] - 1, LAST_NS)
-        for name, is_between in self.moving.items():
-            stamps = histories[name].stamps_ns
-            begins[is_between] = np.maximum(begins[is_between], stamps[0])
-            ends[is_between] = np.minimum(ends[is_between], stamps[-1])
-        known = np.any([*self.moving.values()], axis=0) & (begins <= ends)
-        return (int(begins[known].min()), int(ends[known].max())) if known.any() else None
+    def span(self) -> tuple[int, int] | None:
+        """Get the first and the last time at which what moves connects the two; None: it never does."""
+        periods = np.flatnonzero(np.any([*self.moving.values()], axis=0) & self.connected)
+        if not len(periods):
+            return None
+        # The two are not connected in the last period, in which nothing that moves has data.
+        return int(self.begins_ns[periods[0]]), int(self.begins_ns[periods[-1] + 1]) - 1
 
     def counts(self, frame: str, times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Say whether a frame is between the two at each of N times."""
@@ -66,49 +67,90 @@ def frames_between(buffer: BufferCore, histories: Mapping[str, History], target:
     """
     Find the moving frames between two frames of a buffer.
 
+    If the two are never connected, but would be if all frames kept their last parents, these frames count.
+
     :param histories: those of the buffer.
     :raises TransformException: the frames are unknown, or never connected.
     """
-    begins = _begins(histories, (target, source))
-    moving: dict[str, NDArray[np.bool_]] = {}
-    connected = np.zeros(len(begins), bool)
-    for i, begin_ns in enumerate(begins.tolist()):
-        up, down = (_to_root(histories, name, begin_ns) for name in (source, target))
-        top = next((name for name in up if name in down), None)
-        if top is None:
-            continue
-        connected[i] = True
-        for name in (*up[: up.index(top)], *down[: down.index(top)]):
-            if not histories[name].static:
-                moving.setdefault(name, np.zeros(len(begins), bool))[i] = True
-    try:
-        buffer.path(target, source)
-    except ExtrapolationException:
-        pass  # for tf2, a frame whose newest stamp is 0 has data at any time
-    except ConnectivityException:  # at last
-        if not connected.any():
-            raise
-    return Between(begins, moving, connected)
+    names = _leading(histories, (target, source))
+    own = {name: histories[name] for name in names if name in histories}
+    begins = _begins(own.values())
+    # Which parent each frame has in each period; few combinations occur, even if a parent alternates.
+    columns = [_parents_at(one, begins, names) for one in own.values()]
+    rows, which = np.unique(np.stack([np.zeros_like(begins), *columns], 1), axis=0, return_inverse=True)
+    trees = [
+        {name: names[i] for name, i in zip(own, row, strict=True) if i != NONE}
+        for row in rows[:, 1:].tolist()
+    ]
+    paths = [_path(tree, target, source) for tree in trees]
+    if target == source or not any(path is not None for path in paths):
+        with suppress(ExtrapolationException):
+            buffer.path(target, source)
+        last = _path({name: one.parents[-1] for name, one in own.items()}, target, source)
+        moving = {name: np.ones(len(begins), bool) for name in last or () if not own[name].static}
+        return Between(begins, moving, np.zeros(len(begins), bool))
+    which = which.reshape(-1)  # NumPy 2.0 keeps the shape of the rows
+    moving = {
+        name: np.array([name in (path or ()) for path in paths])[which]
+        for name, one in own.items()
+        if not one.static and any(name in (path or ()) for path in paths)
+    }
+    return Between(begins, moving, np.array([path is not None for path in paths])[which])
 
 
-def _begins(histories: Mapping[str, History], ends: Iterable[str]) -> NDArray[np.int64]:
-    """Get the times at which a frame that some frames were in gets another parent, and the earliest time."""
+def _leading(histories: Mapping[str, History], ends: Iterable[str]) -> list[str]:
+    """Get some frames, and all in which they ever were."""
+    names = dict.fromkeys(ends)
+    waiting = [*names]
+    while waiting:
+        if (own := histories.get(waiting.pop())) is not None:
+            new = {*own.parents.tolist()} - names.keys()
+            names.update(dict.fromkeys(sorted(new)))
+            waiting += new
+    return [*names]
+
+
+def _begins(histories: Iterable[History]) -> NDArray[np.int64]:
+    """Get the earliest time, and when the data of frames begins or ends, or their parents change."""
     begins = [np.array([-LAST_NS])]
-    leading = [*ends]
-    for name in leading:  # grows
-        if name in histories:
-            parents = histories[name].parents
-            begins.append(histories[name].stamps_ns[1:][parents[1:] != parents[:-1]])
-            leading += {*parents.tolist()}.difference(leading)
+    for one in histories:
+        if not one.static:
+            changes = one.stamps_ns[1:][one.parents[1:] != one.parents[:-1]]
+            begins += [one.stamps_ns[:1], changes, one.stamps_ns[-1:] + 1]
     return np.unique(np.concatenate(begins))
 
 
-def _to_root(histories: Mapping[str, History], frame: str, time_ns: int) -> list[str]:
-    """Get a frame and its ancestors at a time; in a loop, up to the last frame before one is repeated."""
+def _parents_at(history: History, times_ns: NDArray[np.int64], names: Sequence[str]) -> NDArray[np.int64]:
+    """Get the numbers of a frame's parents at N times, int64, shape (N,); NONE where it has no data."""
+    numbers = {name: number for number, name in enumerate(names)}
+    stamps = history.stamps_ns
+    last = np.full(len(times_ns), len(stamps) - 1)
+    known = last if history.static else np.maximum(stamps.searchsorted(times_ns, "right") - 1, 0)
+    found = np.array([numbers[parent] for parent in history.parents[known].tolist()])
+    has_data = history.static | ((stamps[0] <= times_ns) & (times_ns <= stamps[-1]))
+    return np.where(has_data, found, NONE)
+
+
+def _path(parents: Mapping[str, str], target: str, source: str) -> list[str] | None:
+    """
+    Get the frames whose transforms a lookup needs; None: it has no answer.
+
+    :param parents: that of each frame with data.
+    """
+    up, down = _ancestors(parents, source, target), _ancestors(parents, target, source)
+    if up is None:  # a lookup first goes up from the source
+        return None
+    if up[-1] == target:
+        return up[:-1]
+    top = None if down is None else next((name for name in up if name in down), None)
+    return None if down is None or top is None else [*up[: up.index(top)], *down[: down.index(top)]]
+
+
+def _ancestors(parents: Mapping[str, str], frame: str, last: str) -> list[str] | None:
+    """Get a frame and its ancestors, up to another frame; None: they are in a loop."""
     path = [frame]
-    while (own := histories.get(path[-1])) is not None:
-        parent = own.parents[max(int(own.stamps_ns.searchsorted(time_ns, "right")) - 1, 0)]
-        if parent in path:
-            break
-        path.append(parent)
+    while path[-1] != last and path[-1] in parents:
+        if parents[path[-1]] in path:
+            return None
+        path.append(parents[path[-1]])
     return path

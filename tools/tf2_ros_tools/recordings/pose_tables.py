@@ -175,7 +175,7 @@ def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> ND
     histories = buffer.histories()
     between = frames_between(buffer, histories, target, source)
     if between.moving:
-        span = between.span(histories)
+        span = between.span()
     else:
         stamps = [one.stamps_ns for one in histories.values() if not one.static]
         span = (min(one[0] for one in stamps), max(one[-1] for one in stamps)) if stamps else None

@@ -116,7 +116,8 @@ def _begins(histories: Iterable[History]) -> NDArray[np.int64]:
     for one in histories:
         if not one.static:
             changes = one.stamps_ns[1:][one.parents[1:] != one.parents[:-1]]
-            begins += [one.stamps_ns[:1], changes, one.stamps_ns[-1:] + 1]
+            ends = one.stamps_ns[[0, -1]]
+            begins += [ends[:1], changes, ends + 1]
     return np.unique(np.concatenate(begins))
 
 
@@ -127,6 +128,8 @@ def _parents_at(history: History, times_ns: NDArray[np.int64], names: Sequence[s
     last = np.full(len(times_ns), len(stamps) - 1)
     known = last if history.static else np.maximum(stamps.searchsorted(times_ns, "right") - 1, 0)
     found = np.array([numbers[parent] for parent in history.parents[known].tolist()])
+    if stamps[0] < stamps[-1]:  # as in a lookup: the first of several oldest samples, the last of all others
+        known = np.where(times_ns == stamps[0], 0, known)
     has_data = history.static | ((stamps[0] <= times_ns) & (times_ns <= stamps[-1]))
     return np.where(has_data, found, NONE)
 

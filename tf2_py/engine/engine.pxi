@@ -334,10 +334,11 @@ cdef class Engine:
         return error
 
     cdef object _deliver(self, Batch* batch, object hand_over):
-        # One at a time, because callbacks may insert, wait or cancel. All are called, even if one raises.
+        # One at a time, because callbacks may insert, wait or cancel. All are called, even if one raises. Only
+        # that may need memory: whatever leaves waiters in the list of a batch leaves them pointing into it.
         cdef Waiter* waiter
         cdef WaiterOwner owner
-        cdef list errors = []
+        error = None
         while not links_empty(&batch.ready):    # whoever else removes one has the GIL, too
             lock_acquire(&self._lock)
             waiter = waiters_next_ready(&self._waiters, &batch.ready)
@@ -352,7 +353,7 @@ cdef class Engine:
                     call = owner.deliver()
                 except BaseException as interrupt:
                     # What a signal handler has raised. Nothing else would deliver the answer.
-                    errors.append(interrupt)
+                    error = interrupt if error is None else error
                     call = owner.deliver()
                 owner = None
                 if call is not None and hand_over is not None:
@@ -361,8 +362,8 @@ cdef class Engine:
                 while call is not None:
                     call = call()
             except BaseException as raised:
-                errors.append(raised)
-        return errors[0] if errors else None
+                error = raised if error is None else error
+        return error
 
     cdef bint remove(self, const char* name, size_t size, object hand_over=None) except -1:
         cdef Batch batch

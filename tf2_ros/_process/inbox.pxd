@@ -144,3 +144,4 @@ cdef class Inbox(ReadHook):
     cdef void _discharge(self) noexcept
     cdef object _engine(self)
     cdef int _report(self, Engine engine, ReceivedMessages* messages) except -1
+    cdef object _unlogged(self, Engine engine, object raised)

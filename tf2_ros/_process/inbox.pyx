@@ -645,7 +645,7 @@ cdef class Inbox(ReadHook):
         # All are reported, even if a signal handler raises meanwhile in a thread of the program. `engine`:
         # that of these messages; without it nothing in them is ready, because what waits holds its engine.
         cdef ReceivedMessage* received = NULL if engine is None else messages.first
-        cdef list interrupts = []
+        error = None
         try:
             while received != NULL:
                 try:
@@ -654,15 +654,25 @@ cdef class Inbox(ReadHook):
                     else:
                         engine.report(&received.batch, self._hand_over)
                 except BaseException as raised:
-                    # Usually for lack of memory; the next message may succeed. In the main thread, it may be
-                    # that of a signal handler.
-                    if not isinstance(raised, Exception) or get_ident() == main_thread().ident:
-                        interrupts.append(raised)
-                    elif engine._throttle.passes("receiver"):
-                        log.receiving_failed(traceback.format_exc())
+                    failure = self._unlogged(engine, raised)
+                    error = failure if error is None else error
                 received = received.next
         finally:
             _free_all_received(messages)
-        if interrupts:
-            raise interrupts[0]
+        if error is not None:
+            raise error
         return 0
+
+    cdef object _unlogged(self, Engine engine, object raised):
+        # What has to be raised; None: it is logged. Nothing is raised here: messages are freed then, and what
+        # waits would be left in their lists.
+        try:
+            # Usually for lack of memory; the next message may succeed. In the main thread, it may be that of a
+            # signal handler.
+            if not isinstance(raised, Exception) or get_ident() == main_thread().ident:
+                return raised
+            if engine._throttle.passes("receiver"):
+                log.receiving_failed(traceback.format_exc())
+        except BaseException as another:
+            return another
+        return None

@@ -334,8 +334,8 @@ cdef class Engine:
         return error
 
     cdef object _deliver(self, Batch* batch, object hand_over):
-        # One at a time, because callbacks may insert, wait or cancel. All are called, even if one raises. Only
-        # that may need memory: whatever leaves waiters in the list of a batch leaves them pointing into it.
+        # One at a time, because callbacks may insert, wait or cancel. All are called, even if one raises.
+        # Only that may need memory: what is left in the list of a batch would point into freed memory.
         cdef Waiter* waiter
         cdef WaiterOwner owner
         error = None

@@ -667,8 +667,8 @@ cdef class Inbox(ReadHook):
         # What has to be raised; None: it is logged. Nothing is raised here: messages are freed then, and what
         # waits would be left in their lists.
         try:
-            # Usually for lack of memory; the next message may succeed. In the main thread, it may be that of a
-            # signal handler.
+            # Usually for lack of memory; the next message may succeed. In the main thread, it may be that of
+            # a signal handler.
             if not isinstance(raised, Exception) or get_ident() == main_thread().ident:
                 return raised
             if engine._throttle.passes("receiver"):

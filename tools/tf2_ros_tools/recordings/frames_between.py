@@ -83,19 +83,17 @@ def frames_between(buffer: BufferCore, histories: Mapping[str, History], target:
         for row in rows[:, 1:].tolist()
     ]
     paths = [_path(tree, target, source) for tree in trees]
-    if target == source or not any(path is not None for path in paths):
+    connected = np.array([path is not None for path in paths])
+    if target == source or not connected.any():
         with suppress(ExtrapolationException):
             buffer.path(target, source)
         last = _path({name: one.parents[-1] for name, one in own.items()}, target, source)
         moving = {name: np.ones(len(begins), bool) for name in last or () if not own[name].static}
         return Between(begins, moving, np.zeros(len(begins), bool))
     which = which.reshape(-1)  # NumPy 2.0 keeps the shape of the rows
-    moving = {
-        name: np.array([name in (path or ()) for path in paths])[which]
-        for name, one in own.items()
-        if not one.static and any(name in (path or ()) for path in paths)
-    }
-    return Between(begins, moving, np.array([path is not None for path in paths])[which])
+    between = {name for path in paths for name in path or () if not own[name].static}
+    moving = {name: np.array([name in (path or ()) for path in paths])[which] for name in sorted(between)}
+    return Between(begins, moving, connected[which])
 
 
 def _leading(histories: Mapping[str, History], ends: Iterable[str]) -> list[str]:

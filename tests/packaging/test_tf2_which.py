@@ -33,9 +33,10 @@ def test_output_that_cannot_be_written_is_one_line_and_status_1(device, said, ar
 
 def test_the_answer_does_not_need_standard_output():
     command = [sys.executable, "-m", "tf2_ros_cython"]
-    open_one = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S)
-    closed = subprocess.run([*command], capture_output=True, text=True, preexec_fn=lambda: os.close(1))
-    assert (closed.returncode, closed.stdout, closed.stderr) == (open_one.returncode, "", open_one.stderr)
+    how = {"capture_output": True, "text": True, "timeout": DEADLINE_S}
+    usual = subprocess.run(command, **how)
+    closed = subprocess.run(command, **how, preexec_fn=lambda: os.close(1))
+    assert (closed.returncode, closed.stdout, closed.stderr) == (usual.returncode, "", usual.stderr)
 
 
 def test_a_module_with_the_name_of_a_package_is_named(tmp_path):

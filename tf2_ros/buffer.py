@@ -63,7 +63,7 @@ _Opened = TypeVar("_Opened", bound="Buffer")
 # The methods that insert transforms.
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
-# What happens to a clock, by rclpy's name for it.
+# What the warning of a jump says of a switch between clocks, by rclpy's name for it.
 SWITCHES = {
     "ROS_TIME_ACTIVATED": "Simulated time was switched on",
     "ROS_TIME_DEACTIVATED": "Simulated time was switched off",

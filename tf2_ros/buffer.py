@@ -514,11 +514,11 @@ class Buffer(BufferCore, BufferInterface):
             sample of a moving frame on the path is older than this when the loop body would get it.
         :param max_gap: a duration; transforms between samples that are further apart are skipped.
         :return: an asynchronous iterator for asyncio and for rclpy's executors. It yields the present
-            transform, if there is one, and then each new one: at a later common time, along another path, or
-            with another static transform. So changes arrive at the rate of the slowest moving frame on
-            the path, one or two for each of its transforms. A slower loop body gets only the latest change.
-            A transform that becomes too old does not count as a change. In asyncio, the iteration ends with
-            the shutdown of the context.
+            transform, if there is one, and then each new one: at another common time, or with another pose.
+            So changes arrive at the rate of the moving frame on the path with the oldest data, one or two for
+            each of its transforms. A slower loop body gets only the latest change. A transform that becomes
+            too old does not count as a change. In asyncio, the iteration ends with the shutdown of the
+            context.
         :raises TypeError: a limit is not a duration.
         :raises ValueError: a limit is negative. The iteration raises it for a limit of a frame that is
             unknown or not a child, or without a clock, as :meth:`lookup_transform` does.

@@ -55,9 +55,9 @@ class BufferSource:
         """
         Report that this source no longer fills the buffer. Any thread may call this; later calls do nothing.
 
-        Unless something else also fills the buffer, its blocking lookups and its awaits in asyncio end within
-        0.1 s, with an error that contains the reason; futures, and awaits in an executor of rclpy, wait for
-        their timeout. The buffer keeps what it holds.
+        Unless the buffer has a node, or something else also fills it, its blocking lookups and its awaits in
+        asyncio end within 0.1 s, with an error that contains the reason; futures, and awaits in an executor
+        of rclpy, wait for their timeout. The buffer keeps what it holds.
         """
         if not self._why_ended:
             self._why_ended = f"{printable(self.name)} has ended" + (f" ({reason})" if reason else "")

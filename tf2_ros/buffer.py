@@ -570,8 +570,8 @@ class Buffer(BufferCore, BufferInterface):
         :param silence: a function that an error calls to explain why data is missing. Its argument is True if
             a static transform may be missing, too. It returns a clause such as ``nothing has been received on
             /tf for 3 s``, which the error text then contains; or ``""``. None: errors explain nothing.
-        :return: a source. Once nothing else fills the buffer, its ``end(reason)`` ends blocking lookups, and
-            in asyncio awaits and the iteration of :meth:`changes`.
+        :return: a source. If the buffer has no node, and nothing else fills it, its ``end(reason)`` ends
+            blocking lookups, and in asyncio awaits and the iteration of :meth:`changes`.
         :raises TypeError: ``name`` is not a str, or ``silence`` cannot be called.
 
         >>> from tf2_ros import Buffer, TransformException

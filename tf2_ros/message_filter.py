@@ -185,7 +185,7 @@ class MessageFilter(Generic[_Message]):
         prefix: str = "",
         policy: LookupPolicy | None = None,
     ) -> None:
-        if not isinstance(buffer, Buffer):
+        if not issubclass(type(buffer), Buffer):  # isinstance believes a Mock(spec=Buffer)
             raise TypeError(f"buffer: expected a tf2_ros.Buffer, got {type(buffer).__name__}")
         require_node("MessageFilter", node, "create_subscription")
         self._calls = FilterCalls(FilterFailureReason)

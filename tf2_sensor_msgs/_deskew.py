@@ -135,7 +135,7 @@ def deskew(
     most 10 µm plus one millionth of its distance from the sensor, unless poses jump within microseconds. If
     this would not save time, the pose of each point is looked up.
     """
-    if not isinstance(buffer, BufferCore):
+    if not issubclass(type(buffer), BufferCore):  # isinstance believes a Mock(spec=Buffer)
         raise TypeError(f"buffer: expected a tf2_ros.Buffer, got {type(buffer).__name__}")
     if not hasattr(cloud, "point_step"):
         raise MalformedObjectError(f"cloud: expected a sensor_msgs/PointCloud2, got {kind_of(cloud)}")

@@ -10,6 +10,7 @@ import re
 import time
 from datetime import timedelta
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -252,6 +253,22 @@ def test_every_duration_is_given_in_the_same_ways(tf2_ros, buffer, node, argumen
 def test_an_argument_of_the_wrong_type_is_called_by_its_name(buffer, call, text):
     with pytest.raises(TypeError, match=f"^{text}"):
         call(buffer)
+
+
+# Each needs the code in C of a buffer; called with another object, that ends the process.
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda ros, mock, node: ros.MessageFilter(None, mock, "map", 10, node=node),
+        lambda ros, mock, node: ros.BufferServer(mock, node, "lookup"),
+        lambda ros, mock, node: tf2_sensor_msgs.deskew(PointCloud2(), mock, "map"),
+        lambda ros, mock, node: tf2_ros.correction.correct(mock, "map", "odom", "base", [1], [np.eye(4)]),
+    ],
+    ids=["MessageFilter", "BufferServer", "deskew", "correct"],
+)
+def test_a_mock_that_passes_for_a_buffer_is_refused(tf2_ros, node, use):
+    with pytest.raises(TypeError, match=r"^buffer: expected a .*, got \w*Mock$"):
+        use(tf2_ros, MagicMock(spec=tf2_ros.Buffer), node)
 
 
 # Where tf2 raises an AttributeError, what is raised is one, too.

@@ -3,6 +3,7 @@
 """A robot over DDS: rclpy in one process, and in another one a program without ROS 2."""
 
 import os
+import re
 import struct
 
 import installing
@@ -331,17 +332,22 @@ def test_a_configuration_that_does_not_work(new_laptop, where, environment, text
         {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
         {"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFFF"},
         {"ROS_LOCALHOST_ONLY": "1"},
+        # It is the only one that rcl then obeys.
+        {"ROS_LOCALHOST_ONLY": "1", "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"},
+        {"ROS_LOCALHOST_ONLY": "1", "ROS_STATIC_PEERS": "127.0.0.2"},
     ],
     ids=str,
 )
 def test_a_robot_on_this_machine_only(monkeypatch, environment):
-    for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY"):
+    for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS"):
         monkeypatch.delenv(name, raising=False)
     address = parse("dds://", 0, ("/tf", "/tf_static"))
     assert "AllowMulticast" not in dds._configuration(address)
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
-    assert "<AllowMulticast>false</AllowMulticast>" in dds._configuration(address)
+    configuration = dds._configuration(address)
+    assert "<AllowMulticast>false</AllowMulticast>" in configuration
+    assert re.findall('Peer Address="(.*?)"', configuration) == ["127.0.0.1"]
 
 
 def nodes_message(nodes, gid_bytes, order):

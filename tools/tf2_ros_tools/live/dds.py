@@ -296,15 +296,16 @@ def _misfit(publisher: DcpsEndpoint, is_static: bool) -> str:
 
 def _configuration(address: Address) -> str:
     """The configuration of Cyclone DDS, as the middlewares of ROS 2 understand the environment."""
-    discovery = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper()
+    ignores_others = os.environ.get("ROS_LOCALHOST_ONLY") == "1"  # as rcl does
+    discovery = "LOCALHOST" if ignores_others else os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper()
     if discovery == "OFF":
         raise ConnectionError(
             f"{address.where}: ROS_AUTOMATIC_DISCOVERY_RANGE is OFF, so nothing can be found"
         )
     # As in ROS 2, an unknown range is this machine.
-    is_local = discovery not in WIDE_RANGES or os.environ.get("ROS_LOCALHOST_ONLY") == "1"
+    is_local = discovery not in WIDE_RANGES
     peers = address.options.get("peers", "").split(",")
-    peers += os.environ.get("ROS_STATIC_PEERS", "").split(";")
+    peers += [] if ignores_others else os.environ.get("ROS_STATIC_PEERS", "").split(";")
     peers += ["127.0.0.1"] if is_local else []
     addresses = [_resolved(peer, address.where) for peer in peers if peer.strip()]
     # A robot that begins later learns of this program by being asked.

@@ -106,7 +106,7 @@ def open_vins(poses, more=()):
 
 # Those of the page, which names their columns: each with and without what the program may add.
 ON_PAGE = {
-    "OpenVINS": [open_vins, lambda poses: open_vins(poses, ["0.1"] * 12)],
+    "OpenVINS's `pose_to_file`": [open_vins, lambda poses: open_vins(poses, ["0.1"] * 12)],
     "ORB-SLAM3 in ns": [lambda poses: table(poses, lambda ns, numbers: " ".join([f"{ns}.000000", *numbers]))],
     "VINS": [
         lambda poses: w_first(poses, "", str, more=[""]),

@@ -179,6 +179,25 @@ def test_two_publishers_of_the_clock_are_named(peer):
     )
 
 
+def test_a_change_before_the_clock_jumped_back_has_no_negative_age(peer):
+    talker = peer()
+    # Mostly after the jump, because the report may come at any time.
+    parents = itertools.cycle(["map", *[None] * 9, "rail", *[None] * 9])
+
+    def publish():
+        if (parent := next(parents)) is not None:
+            talker.set_clock(500)
+            talker.send_without_subscriber((parent, "lidar", S, 0.0), static=True)
+        talker.set_clock(100)
+
+    hears = "any(' changed ' in one and (', -' in one or ', before ' in one) for one in findings)"
+    lines, _ = checked(publish, hears, "--ros-args", *SIMULATED)
+    [finding] = [line for line in lines if line.startswith("values: ")]
+    when = r"(before the clock jumped back|[\d.e-]+ s ago)"
+    assert re.fullmatch(rf"values: lidar in .* to parent (map|rail), {when}: lookups .*", finding)
+    assert ", -" not in finding
+
+
 @pytest.mark.parametrize(
     ("topic", "qos", "reason"),
     [

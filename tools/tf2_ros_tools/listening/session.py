@@ -204,6 +204,9 @@ class Listening:
         self, now_ns: int, publishers: Sequence[str], alive: Collection[int] | None
     ) -> list[Finding]:
         def ago(time_ns: int) -> str:
+            # Of static transforms, the last ones are kept when the clock jumps back.
+            if time_ns > now_ns:
+                return "before the clock jumped back"
             return f"{span((now_ns - time_ns) / S)} ago"
 
         values = self._recording.values()

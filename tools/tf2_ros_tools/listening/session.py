@@ -192,7 +192,7 @@ class Listening:
         jump = self._streams.jump_back(now_ns)
         if jump is not None:
             text = f"the clock jumped back by {span(jump)}{f': {several}' * (len(clocks) > 1)}"
-            yield Finding("clock", "", f"{text}; only later transforms are checked")
+            yield Finding("clock", "", f"{text}; earlier dynamic transforms are not checked")
         elif len(clocks) > 1:
             yield Finding("clock", "", f"{several}: each jump between their times clears buffers")
         if count := self._recording.malformed:

@@ -155,6 +155,6 @@ def _install_messages(name: str | None) -> str:
         f"If you source this ROS 2, install its tf2_msgs; on Ubuntu: apt install ros-{distribution}-tf2-msgs."
     )
     if name in (None, *_ON_PYPI):
-        release = f" -C ros={distribution}" if name in _ON_PYPI[1:] else ""
+        release = f" --config-settings ros={distribution}" if name in _ON_PYPI[1:] else ""
         advice += f" If it is from PyPI, run in a clone of tf2-ros-cython: pip install ./messages{release}"
     return advice

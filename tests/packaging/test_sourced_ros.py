@@ -550,7 +550,7 @@ def test_messages_of_another_release_or_none_are_refused_with_what_to_install(
     release = name.lower()
     for one in (said, refused):
         assert f"apt install ros-{release}-tf2-msgs" in one
-        built = f"in a clone of tf2-ros-cython: pip install ./messages -C ros={release}" in one
+        built = f"in a clone of tf2-ros-cython: pip install ./messages --config-settings ros={release}" in one
         assert built == from_pypi and ("./messages" in one) == from_pypi
 
 

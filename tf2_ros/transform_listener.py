@@ -110,7 +110,7 @@ class TransformListener:
     callbacks block. The executor that spins the node inserts the transforms instead, as in tf2,
 
     - if a subclass overrides ``callback`` or ``static_callback``,
-    - if the buffer is not a :class:`tf2_ros.Buffer`, or overrides a ``set_transform*`` method,
+    - if the buffer is not a :class:`tf2_py.BufferCore`, or overrides a ``set_transform*`` method,
     - if the node overrides ``create_subscription``,
     - if rcl lacks a function that the receiver calls (Jazzy and Kilted have them all), or the middleware does
       not report arrivals.

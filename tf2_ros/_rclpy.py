@@ -3,7 +3,7 @@
 """
 Use attributes and frames of rclpy that its documentation does not promise.
 
-The rows of the table say what is assumed, and what users lose where that does not hold: everything goes on
+The rows of the table say what is assumed, and what users lose where that does not hold: all else goes on
 working. The functions ask their row, and log once that they do without; ``tf2_which`` prints the rows that do
 not hold. What differs between releases is asked of the object at hand, or once at the import, never of a
 version; a row with several answers holds with each. docs/limits.md lists the releases with which all was

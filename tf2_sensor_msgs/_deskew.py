@@ -281,7 +281,7 @@ def _require_motion(
             return
     except TransformException:
         return  # the lookups say why
-    frames = buffer.frames()
+    frames = BufferCore.frames(buffer)
     try:
         body = _body(frames, frame, source_frame)
     except LookupException:
@@ -364,8 +364,8 @@ def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:
         return None
     first, last = sweep.first or NOT_LATEST_NS, sweep.last or NOT_LATEST_NS
     most = len(sweep.points) // POINTS_PER_KNOT
-    found = motion.buffer._poses_between(
-        *motion.frames, first, last, TURN, MOVE, most, **motion.fixed, **motion.policy
+    found = BufferCore._poses_between(
+        motion.buffer, *motion.frames, first, last, TURN, MOVE, most, **motion.fixed, **motion.policy
     )
     return None if found is None else Poses(*found)
 

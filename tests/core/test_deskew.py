@@ -534,6 +534,21 @@ def test_a_sensor_that_never_moves_needs_none():
     assert xyz_of(moved) == pytest.approx(xyz_of(points) + (1, 2, 3), abs=1e-5)
 
 
+def test_names_of_a_subclass_replace_no_methods_that_tf2_lacks():
+    class Mine(Buffer):
+        frames = _poses_between = None
+
+    buffer = Mine(Duration(seconds=100))
+    for ns in (START, STAMP + S):
+        buffer.set_transform(transform("odom", "base", ns=ns), "x")
+    buffer.set_transform_static(transform("base", "lidar", xyz=(1, 2, 3)), "x")
+    cloud, points, _ = measured("ouster")
+    with pytest.raises(ValueError, match=r"\[lidar\] does not move in \[base\]"):
+        deskew(cloud, buffer, "base")
+    moved = points_of(deskew(cloud, buffer, "odom"), points.dtype)
+    assert xyz_of(moved) == pytest.approx(xyz_of(points) + (1, 2, 3), abs=1e-5)
+
+
 def test_a_prefix_goes_before_the_frame_of_the_cloud(buffer):
     cloud, points, times = measured("ouster")
     wanted = deskew(cloud, buffer, "odom")

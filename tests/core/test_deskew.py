@@ -292,7 +292,14 @@ def test_a_time_of_any_type_may_be_missing(buffer):
     for given in ([stamps[0], NAT, *stamps[2:]], mixed, np.array(mixed, object)):
         moved = deskew(cloud, buffer, "odom", times=given, on_missing="nan")
         assert moved.data == wanted.data
+
+
+@pytest.mark.long("needs pandas")
+def test_a_time_of_pandas_may_be_missing(buffer):
     pandas = pytest.importorskip("pandas")
+    cloud, points, times = measured("velodyne", SINCE_STAMP[:4])
+    stamps = np.where([0, 1, 0, 0], NAT, times.view("M8[ns]"))
+    wanted = deskew(cloud, buffer, "odom", times=stamps, on_missing="nan")
     given = [pandas.Timestamp(times[0]), pandas.NaT, *map(pandas.Timestamp, times[2:])]
     assert deskew(cloud, buffer, "odom", times=given, on_missing="nan").data == wanted.data
     with pytest.raises(ValueError, match=r"^times\[1\]: expected a time, got NaT"):

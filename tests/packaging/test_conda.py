@@ -30,6 +30,7 @@ def test_the_recipe_for_conda_requires_what_the_project_does():
     assert bounds(recipe["requirements"]["run"]) == bounds(project["dependencies"])
 
 
+@pytest.mark.long("needs rattler_build")
 def test_rattler_build_renders_the_recipe_for_each_python():
     rattler_build = pytest.importorskip("rattler_build")
     recipe = rattler_build.Stage0Recipe.from_file(RECIPE)

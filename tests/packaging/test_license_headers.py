@@ -10,6 +10,7 @@ import pytest
 from paths import ROOT
 
 
+@pytest.mark.long("needs reuse")
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="this is not a clone")
 @pytest.mark.skipif(find_spec("reuse") is None, reason="needs reuse")
 def test_reuse_finds_copyright_and_license_of_every_file():

@@ -19,6 +19,7 @@ from release import changelog_rst  # noqa: E402
 REPOSITORY = "https://github.com/robots/tf2-ros-cython"
 
 
+@pytest.mark.long("needs catkin_pkg")
 def test_the_tools_of_ros_read_each_entry_of_the_changelog(tmp_path):
     changelog = pytest.importorskip("catkin_pkg.changelog")
     ours = (
@@ -33,6 +34,7 @@ def test_the_tools_of_ros_read_each_entry_of_the_changelog(tmp_path):
     assert len(bullets) == len(re.findall(r"^- ", section, re.MULTILINE)) > 0
 
 
+@pytest.mark.long("needs catkin_pkg")
 def test_the_tools_of_ros_accept_the_manifests():
     package = pytest.importorskip("catkin_pkg.package")
     for manifest in ("package.xml", "tools/package.xml", "messages/src/tf2_msgs/package.xml"):

@@ -45,10 +45,10 @@ Recordings: TypeAlias = str | PathLike[str] | Iterable[str | PathLike[str]]
 
 def find_recordings(recordings: Recordings) -> list[str]:
     """
-    Find recordings; return each once, as an absolute path without symbolic links.
+    Find recordings; return each once, as an absolute path, of the target of links if it has the extension.
 
     :param recordings: one or several paths of recordings, or of folders, which are searched with all their
-        subfolders.
+        subfolders, but not with linked ones.
     :raises FileNotFoundError: no recording was found in the folders.
     """
     paths = [recordings] if isinstance(recordings, str | PathLike) else [*recordings]
@@ -211,8 +211,8 @@ def dataset(
     """
     Look up the poses of frames at the stamp of each message of a topic, in one or many recordings.
 
-    :param recordings: the path of a recording, or of a folder, which is searched with all its subfolders; or
-        several of them.
+    :param recordings: the path of a recording, or of a folder, which is searched with all its subfolders, but
+        not linked ones; or several of them.
     :param frames: the names of the frames.
     :param at: the topic, for example of the images; see :func:`tf2_ros_tools.bag.stamps`.
     :param relative_to: the frame in which the poses are given.

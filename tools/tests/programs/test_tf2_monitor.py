@@ -4,9 +4,11 @@
 
 import json
 import re
+import time
 
 import pytest
 from starting_programs import broadcasting, running
+from times_and_transforms import S
 from waiting import until, until_told
 
 from tf2_ros_tools.diagnosis.stream_statistics import Stream
@@ -89,6 +91,22 @@ def test_a_pipe_gets_problems_after_all_of_that():
     )
     silence = "no transform was received on /tf_alone and /tf_static_alone in ROS domain"
     assert re.fullmatch(rf"{silence} \d+\n", lines[-1])
+
+
+@pytest.mark.parametrize(("end", "kinds"), [("base", set()), ("lidar", {"clocks"})])
+def test_a_chain_has_the_problems_with_clocks_of_its_own_frames_only(end, kinds, peer):
+    talker = peer(*ALONE)
+    with running("tf2_monitor", "map", end, "--json", "--interval", "1", "--ros-args", *ALONE) as process:
+
+        def report_after_all():
+            # The stamps of the lidar are of another clock.
+            talker.send(("map", "base", time.time_ns(), 0.0))
+            talker.send(("map", "lidar", time.time_ns() - 7200 * S, 0.0))
+            report = json.loads(process.stdout.readline())
+            return report["messages"] > 6 and report["chain"]["frames"] and report
+
+        report = until(report_after_all)
+    assert {one["kind"] for one in report["findings"]} & {"clocks"} == kinds
 
 
 def test_the_delay_of_a_node_is_the_mean_of_all_its_transforms():

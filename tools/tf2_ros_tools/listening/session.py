@@ -182,7 +182,11 @@ class Listening:
         chain = None if ends is None else self._chain(ends, now_ns)
         if chain is not None and chain.frames is not None:
             streams = [one for one in streams if one.frame in chain.frames]
-            findings = [one for one in findings if one.frame in ("", *chain.frames)]
+            findings = [
+                one
+                for one in findings
+                if one.frame in ("", *chain.frames) and (not one.frames or {*one.frames} & {*chain.frames})
+            ]
         return Report(now_ns / S, streams, refused, findings, chain, self._recording.messages)
 
     def _of_reception(self, now_ns: int) -> Iterator[Finding]:

@@ -112,7 +112,7 @@ ON_PAGE = {
         lambda poses: w_first(poses, "", str, more=[""]),
         lambda poses: w_first(poses, "", str, more=["0.1", "0.2", "0.3", ""]),
     ],
-    "`ros2 topic echo --csv`": [
+    "`ros2 topic echo --csv`, `PoseStamped`": [
         lambda poses: table(poses, lambda ns, numbers: ",".join([str(ns // S), str(ns % S), "map", *numbers]))
     ],
 }
